@@ -11,7 +11,7 @@ import warp as wp
 from ..context import Context
 from ..device.checks import InputError, count, numbers
 from ..device.clock import Schedule
-from ..device.fields import Array, Stored, assign, copy
+from ..device.fields import Array, Stored, assign, copy, doubles, to_host
 from ..device.launches import Stage
 from ..interfaces import System
 from ..kernels.effects import Kernel
@@ -211,6 +211,7 @@ class StableStep:
         sums = context.array("sums", STABLE, wp.float64, shape=(4, context.own_blocks), per="block")
         scale, momentum = (context.array(name, STABLE, real, shape=1, per="once") for name in ("scale", "momentum"))
         reach = context.array("reach", STABLE, real, np.array([TRIAL_STRAIN * context.whole.spacing]), per="once")
+        self._reach, self._response = reach, response
         state = context.state
         for sign, force in ((1.0, plus), (-1.0, response)):
             stage.launch(
@@ -236,6 +237,17 @@ class StableStep:
             STABLE, kernels.renew, n, response=response, scale=scale, momentum=momentum,
             earlier=self._earlier, direction=direction,
         )  # fmt: skip
+
+    def respond(self, motion: np.ndarray, reach: float) -> np.ndarray:
+        """M^-1 K v for a motion v, shape (N, 3), by displacements of up to `reach` [m]; zero in held components."""
+        size = float(np.abs(motion).max())
+        kept = [(array, to_host(array)) for array in (self.direction, self._reach)]
+        assign(self.direction, motion / size)
+        assign(self._reach, np.array([reach]))
+        self.context.sequence("estimate").run()
+        for array, values in kept:
+            assign(array, values)
+        return size * doubles(self._response)
 
     def disturb(self) -> None:
         """Add noise to the last direction, other noise in each estimate."""

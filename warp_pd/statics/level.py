@@ -47,9 +47,11 @@ class Level:
         image: Output of the product.
         predicts: Whether Newton's steps take tangents with predicted stresses.
         predicting: Whether the next tangent does.
+        exact: Whether the last tangent was that of the sheet: without added tension, and with the stresses there.
     """
 
     predicting = False
+    exact = False
 
     def __init__(
         self, context: Context, law: BuiltLaw, tangent: Tangent, following: Sequence[BuiltLoad],
@@ -156,6 +158,7 @@ class Level:
             copy(self._prediction.base, self.displacement)
             self.direction.zero_()
         self.run("linearise")
+        self.exact = tension == 0.0 and not self.predicting
 
     def accept(self, shortened: bool) -> None:
         """Make the displacement of a trial step the base of the next one."""

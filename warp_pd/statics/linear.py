@@ -33,6 +33,7 @@ class LinearSolver:
 
     Attributes:
         products: Number of stiffness products so far, including those of the preconditioner.
+        symmetric: Whether K is: a factorisation then solves alone, and conjugate gradients if K is also definite.
     """
 
     def __init__(
@@ -52,9 +53,8 @@ class LinearSolver:
         self.factors: Solve | None = None
         self._added: Callable[[np.ndarray], np.ndarray] | None = None
         self._sparse = level.tangent.sparse() if kind == "direct" else None
-        # What a factorisation solves alone, and conjugate gradients with a definite tangent.
-        self._symmetric = level.tangent.symmetric and not level.following
-        self._conjugate = definite and self._symmetric
+        self.symmetric = level.tangent.symmetric and not level.following
+        self._conjugate = definite and self.symmetric
         self.on_device = self._conjugate and not level.context.device.is_cpu
         if self.on_device:
             self._allocate()
@@ -87,7 +87,7 @@ class LinearSolver:
 
         A result that does not reach the accuracy is used anyway; the line search decides whether to accept it.
         """
-        if self.factors is not None and self._symmetric:
+        if self.factors is not None and self.symmetric:
             assign(self.level.direction, self.factors(right_side))
         elif self.on_device:
             self._on_device(right_side, accuracy)
@@ -121,21 +121,23 @@ class LinearSolver:
         b = np.ascontiguousarray(right_side).ravel()
         most = MAX_ITERATIONS[self.kind]
         if self._conjugate:
-            x, reached = conjugate_gradients(self._product, self._precondition, b, accuracy, most)
+            x, reached = conjugate_gradients(self.product, self.precondition, b, accuracy, most)
         else:
             cycles = max(cycles, -(-most // RESTART))
-            x, reached = gmres(self._product, self._precondition, b, accuracy, RESTART, cycles)
+            x, reached = gmres(self.product, self.precondition, b, accuracy, RESTART, cycles)
         assign(self.level.direction, x.reshape(-1, 3))
         return reached
 
-    def _product(self, x: np.ndarray) -> np.ndarray:
+    def product(self, x: np.ndarray) -> np.ndarray:
+        """K x, both of shape (3 N,)."""
         assign(self.level.vector, x.reshape(-1, 3))
         self.level.run("product")
         self.products += 1
         image = doubles(self.level.image).ravel()
         return np.asarray(image if self._added is None else image + self._added(x))
 
-    def _precondition(self, r: np.ndarray) -> np.ndarray:
+    def precondition(self, r: np.ndarray) -> np.ndarray:
+        """An approximation of K^-1 r, both of shape (3 N,)."""
         r = r.reshape(-1, 3)
         if self.factors is not None:
             return self.factors(r).ravel()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -12,11 +12,12 @@ import numpy as np
 from ..context import Context
 from ..device.checks import count, one_of
 from ..device.clock import Schedule, proportional
-from ..device.fields import assign, copy, doubles
+from ..device.fields import assign, copy, doubles, on_cpu
 from ..interfaces import BuiltLaw, BuiltSolver, FrameSink, History, System
 from ..interfaces.solver import FINISHED, NOT_CONVERGED
 from .descent import Secants
 from .level import OWNER
+from .minimum import Falling, SearchOfFall
 from .newton_settings import StaticSolver
 from .static_rounds import FARTHEST, flies
 from .static_system import StaticSystem
@@ -108,6 +109,7 @@ class BuiltNewton(StaticSystem):
         self._moved: list[tuple[float, float]] = []
         self.jumps: list[dict[str, float]] = []
         self._flew_at: float | None = None
+        self._falling: Falling | None = None
 
     def prepare(self, system: System) -> None:
         """Add the stages of residual and tangent."""
@@ -123,6 +125,7 @@ class BuiltNewton(StaticSystem):
         return {
             **super().host_state(), "size": self._size, "cutbacks": self._cutbacks, "moved": self._moved,
             "earlier_factor": self._earlier_factor, "kept_factor": self._kept_factor, "jumps": self.jumps,
+            "falling": None if self._falling is None else asdict(self._falling),
         }  # fmt: skip
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -131,6 +134,7 @@ class BuiltNewton(StaticSystem):
         self._size, self._cutbacks = state["size"], state["cutbacks"]
         self._earlier_factor, self._kept_factor = state["earlier_factor"], state["kept_factor"]
         self._moved, self.jumps = state["moved"], state["jumps"]
+        self._falling = None if state["falling"] is None else Falling(**state["falling"])
         self._resumed = True
 
     def equilibrate(self, factor: float, sink: FrameSink, guess: np.ndarray | None = None) -> bool:
@@ -162,6 +166,7 @@ class BuiltNewton(StaticSystem):
                 reached = factor
                 self._keep(reached)
                 if factor == goal:
+                    self._falling = self._fall(reached) if reached > 1.0 - 1e-9 else None
                     self._record(sink, reached)
                 continue
             self.kept.restore()
@@ -176,6 +181,19 @@ class BuiltNewton(StaticSystem):
                 sink.solve = self._summary(reached)
                 return NOT_CONVERGED
         return FINISHED
+
+    def _fall(self, factor: float) -> Falling | None:
+        """A motion along which the energy of the final equilibrium falls, if one is found."""
+        if self.settings.stiffness == "constant" or not self.solvers[0].prepared or not self.sizes.modulus:
+            return None
+        level, steps = self.levels[0], self._summary(factor)["iterations"]
+        motion = SearchOfFall(level, self.solvers[0], self.sizes.modulus, steps).motion()
+        if not on_cpu(level.displacement):
+            # A product without a stored matrix leaves its own forces of bonds to the frame.
+            level.run("evaluate")
+        if motion is None:
+            return None
+        return Falling.along(motion, factor, self.context.sheet, doubles(level.displacement))
 
     def _compare(self, before: float, reached: float) -> None:
         """Record a load step in which the sheet moved much farther than before and than its supports."""
@@ -241,7 +259,10 @@ class BuiltNewton(StaticSystem):
             f"jumped over a maximum of the load (a limit point), or buckled; {advice} a displacement (Motion) or the "
             "volume (EnclosedVolume)"
             for jump in self.jumps
-        ] + [*self._unsolved_notes(), *self.rounds.notes()]
+        ] + [*self._falling_notes(), *self._unsolved_notes(), *self.rounds.notes()]
+
+    def _falling_notes(self) -> list[str]:
+        return [] if self._falling is None else [self._falling.note("Newton", self.context.sheet)]
 
     def _unsolved_notes(self) -> list[str]:
         """Notes on what to try if the run ended on a load step that was not solved."""

@@ -22,6 +22,7 @@ from ..kernels.integrate import RIGID
 from ..solvers.stepping import Snapshot, StableStep, add_motion
 from ..step import NOT_IN_RELAXATION, Phase, relaxation_step
 from .fictitious_mass import fictitious_mass
+from .minimum import LEFT, MOST_PRODUCTS, SLACK, Falling, across, least_quotient
 from .static_rounds import FARTHEST, MIN_LOAD, UNIT_ROUND_OFF, LoadScale, StaticRounds, flies
 
 OWNER = "Relaxation"
@@ -36,6 +37,9 @@ STIFFNESS = 0.5
 # Unbalanced force over what moves a stressed sheet in equilibrium; and the way that it may still have to go over that
 # from the start, which counts as none below so many units of round-off.
 ACCURACY, ROUNDED = 1e-4, 20.0
+# Products of the stiffness in the search for a motion along which the energy falls: for each step, of which two take as
+# long, and at least. Displacement over spacing by which they are found, by precision.
+SHARE, FEWEST_PRODUCTS, REACH = 0.02, 4, {64: 1e-5, 32: 2e-3}
 
 
 @dataclass(frozen=True)
@@ -138,6 +142,7 @@ class BuiltRelaxation(BuiltSolver):
         self._lost, self._prescribed = "", math.inf
         # At which load factor a tear under a load took very many steps; 0 for none.
         self._slow_tear = 0.0
+        self._falling: Falling | None = None
         # Steps of this run, and entries of the report, one per load step.
         self._done = 0
         self._entries: list[dict[str, Any]] = []
@@ -219,7 +224,42 @@ class BuiltRelaxation(BuiltSolver):
                 sink.frame(sink.frame_index + 1, time, self._done - before, self._dt)
             if not converged:
                 return NOT_CONVERGED if math.isfinite(sink.residual) else DIVERGED
+        self._falling = self._fall(sink.stable_dt) if self._done else None
         return FINISHED
+
+    def _fall(self, stable_dt: float | None) -> Falling | None:
+        """A motion along which the energy of the final equilibrium falls, if one is found.
+
+        It is not sought where forces have no energy, or may have none, nor on a GPU, where a step takes less time than
+        the host for its part of a search.
+        """
+        context, system, law = self.context, self.system, self.law
+        if not law.has_energy or system.external.following or not stable_dt or not context.device.is_cpu:
+            return None
+        if context.partition is not None:
+            return None
+        sheet, mass = context.sheet, doubles(self.inertia())[:, None]
+        free = (context.held[:, None] >> np.arange(3)) & 1 == 0
+        free &= (context.held[:, None] & RIGID) == 0
+        mean, largest, size = float(mass.mean()), (2.0 / stable_dt) ** 2, float(sheet.extent.max())
+        reach = REACH[context.bits]
+        noise = ROUNDED * UNIT_ROUND_OFF[context.bits] * size / (reach * sheet.spacing) * largest
+        left = LEFT * math.sqrt(context.total(self._squared)) / size
+        slack = SLACK * law.slack_stiffness * float(np.mean(sheet.thickness))
+        root = np.sqrt(mass)
+
+        def product(x: np.ndarray) -> np.ndarray:
+            motion = x.reshape(-1, 3) / root
+            return np.asarray(root * self.stable_step.respond(motion, reach * sheet.spacing)).ravel()
+
+        most = min(MOST_PRODUCTS, max(FEWEST_PRODUCTS, round(SHARE * self._done)))
+        here = doubles(context.state.displacement)
+        start = np.where(free, root * across(sheet, here), 0.0).ravel()
+        enough = -noise - (left + slack) / mean
+        x, value = least_quotient(product, lambda r: r, start, most, enough)
+        if not value < enough:
+            return None
+        return Falling.along(x.reshape(-1, 3) / root, 1.0, sheet, here)
 
     def _diverged(self) -> bool:
         """Whether the last load step ended with an infinite residual, or a point flew off without a tear."""
@@ -366,6 +406,8 @@ class BuiltRelaxation(BuiltSolver):
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """Notes on tears that ran through, and on loads that round-off hides."""
         notes = self.rounds.notes()
+        if self._falling is not None:
+            notes.append(self._falling.note("Relaxation", self.context.sheet))
         if self._slow_tear:
             notes.append(self._advice())
         if self._lost_loads:

@@ -60,7 +60,7 @@ def stability(level: Level, solver: LinearSolver, number: int) -> Stability | No
         return np.asarray(factors(doubles(level.image)).ravel()[free])
 
     if not level.following:
-        inverse = _extreme(solved, len(free), 1, "LM")
+        inverse = extreme(solved, len(free), 1, "LM")
         return (
             None if inverse is None else Stability(negative, [1.0 / float(inverse[0][0])], whole(inverse[1][:, 0].real))
         )
@@ -89,13 +89,13 @@ def _lowest(
         return np.asarray(image - basis @ (basis.T @ image) + inside)
 
     further: list[float] = []
-    found = first = _extreme(deflated, size, number, "SR")
+    found = first = extreme(deflated, size, number, "SR")
     while found is not None and (found[0] < 0.0).any() and basis.shape[1] < size // 2:
         vectors, known = found[1][:, found[0] < 0.0], basis.shape[1]
         basis = orth(np.column_stack([basis, vectors.real, vectors.imag]), rcond=SAME)
         if basis.shape[1] == known:
             return None
-        found = _extreme(deflated, size, number, "SR")
+        found = extreme(deflated, size, number, "SR")
         further += [] if found is None else found[0][found[0] < 0.0].tolist()
     if first is None or found is None:
         return None
@@ -103,7 +103,7 @@ def _lowest(
     return np.sort([*values, *further]), vectors[:, np.argmin(np.abs(values))].real
 
 
-def _extreme(
+def extreme(
     product: Callable[[np.ndarray], np.ndarray], size: int, number: int, which: str
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Real parts of the largest ("LM") or lowest ("SR") eigenvalues, in order, and their vectors, one a column."""
