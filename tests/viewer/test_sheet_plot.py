@@ -10,7 +10,7 @@ from matplotlib.image import imread
 from small_runs import cli, simulate
 from warp._src.context import user_modules
 
-from warp_pd import ByRegion, Gent, InputError, Sheet, draw_sheet
+from warp_pd import ByRegion, Gent, InputError, Sheet, draw_sheet, together
 from warp_pd.shapes.curves import Circle
 from warp_pd.viewer import plots, shape_plot
 from warp_pd.viewer.pictures import Shown
@@ -95,7 +95,8 @@ def test_an_outline_with_everything():
     assert np.array_equal(markers(axes, f"{on.sum()} points on the grid"), sheet.points[on])
     assert len(markers(axes, f"{(~on).sum()} other points")) == (~on).sum()
     for name, points in sheet.parts.items():
-        assert f"{name}, {len(points)} points" in labels(axes)
+        # All of the edge is drawn as the boundary.
+        assert (f"{name}, {len(points)} points" in labels(axes)) == (name != "all")
     assert np.allclose(markers(axes, "drill, "), sheet.points[sheet.parts["drill"]])
     places = [(0.0301, 0.0302), (0.0501, 0.0502), (0.1021, 0.0501), (0.0502, 0.0101)]
     assert rubber_at(axes, places) == [False, True, False, True]
@@ -105,6 +106,20 @@ def test_an_outline_with_everything():
     gap = np.abs(above[inner, 1].mean() - below[inner, 1].mean())
     assert 0.1 * sheet.spacing < gap < 0.4 * sheet.spacing
     assert np.abs(above[:, 1] - 0.07).max() < 0.3 * sheet.spacing
+
+
+def test_names_that_edits_keep_of_edges_are_not_in_the_legend():
+    """What the user or a maker has named is, such as the rims of a tube or a group of a file."""
+    sheet = Sheet.rectangle(0.1, 0.05, points=11, **FLAT)
+    edited = (sheet.turned(30.0), sheet.as_cloud(), sheet.hole((0.05, 0.025), 0.012))
+    for each, named in zip(edited, ((), (), ("hole 1",)), strict=True):
+        assert {"left", "all"} <= set(each.parts)
+        assert [text.split(",")[0] for text in labels(drawn(each))[3:]] == list(named)
+    beside = labels(drawn(together(sheet, sheet.turned(30.0))))
+    assert {text.split(",")[0] for text in beside[3:]} == {"sheet 1", "sheet 2"}
+    rims = labels(drawn(Sheet.tube(0.02, 0.05, points=16, **FLAT).as_cloud()))
+    assert [text.split(",")[0] for text in rims[-2:]] == ["bottom", "top"]
+    assert "left, 3 points" in labels(drawn(replace(sheet.as_cloud(), parts={"left": np.arange(3)})))
 
 
 def test_pieces_graded_spacing_and_many_parts():

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from ..device.checks import of_kind, point_indices
-from ..geometry.sheet import Shape, Sheet
+from ..geometry.sheet import SIDES, Shape, Sheet
 from ..geometry.triangulation import boundary_edges, boundary_rings, corner_sums, directed_edges, pieces, triangle_areas
 from .pictures import enlarged, enlargement, new_figure, save, target
 
@@ -23,6 +24,8 @@ PART_COLOURS = ("C0", "C1", "C2", "C3", "C4", "C6", "C8", "C9")
 APART = 0.2
 # Elevation and azimuth of the eye [degrees].
 VIEW = (28.0, -60.0)
+# The name of the whole edge, that of a sheet beside others with its number.
+WHOLE_EDGE = re.compile(r"(?P<piece>(sheet \d+ )*)all")
 # Labels and points of parts.
 Parts: TypeAlias = Sequence[tuple[str, np.ndarray]]
 
@@ -184,10 +187,19 @@ def _parts(sheet: Shape, stiffness: np.ndarray | None, regions: Parts) -> list[t
     """Labels and points of regions, stiffened and named parts, largest first, so that smaller ones are on top."""
     stiffness = np.ones(0) if stiffness is None else stiffness
     stiff = {f"{s:g} times as stiff": np.flatnonzero(stiffness == s) for s in np.unique(stiffness[stiffness != 1.0])}
-    order = sorted([*regions, *sheet.parts.items(), *stiff.items()], key=lambda part: -len(part[1]))
+    hidden = _edges_kept(sheet)
+    named = [(name, points) for name, points in sheet.parts.items() if name not in hidden]
+    order = sorted([*regions, *named, *stiff.items()], key=lambda part: -len(part[1]))
     shown = [(f"{name}, {len(points)} points", points) for name, points in order[:MAX_PARTS]]
     rest = [points for _, points in order[MAX_PARTS:]]
     return shown if not rest else [*shown, (f"{len(rest)} more parts", np.unique(np.concatenate(rest)))]
+
+
+def _edges_kept(sheet: Shape) -> set[str]:
+    """Names of edges that an edit keeps: the boundary is drawn, and the sides of a flat sheet are where they seem."""
+    sides = SIDES if sheet.frames is None else ()
+    wholes = [found for name in sheet.parts if (found := WHOLE_EDGE.fullmatch(name))]
+    return {found["piece"] + name for found in wholes for name in (*sides, "all")}
 
 
 def _part_style(parts: Parts, rank: int, size: float) -> dict[str, Any]:
