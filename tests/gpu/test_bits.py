@@ -46,7 +46,7 @@ def struck(sheet, precision, fast=True):
 
 def left_behind(built):
     """Everything that a run leaves in the fields that a restart keeps."""
-    return {name: array.numpy() for name, array in built.context.fields.kept().items()}
+    return {name: array.numpy() for name, array in built.context.fields.in_restart().items()}
 
 
 def assert_same(one, other):

@@ -142,13 +142,13 @@ def by_point(name: str, value: Any, places: np.ndarray) -> float | np.ndarray:
     """
     if callable(value):
         name = f"{name}({', '.join('xyz'[: places.shape[1]])})"
-        return one_each(name, called(name, value, places.T.copy()), len(places))
+        return one_each(name, evaluate(name, value, places.T.copy()), len(places))
     if isinstance(value, str) or not np.iterable(value):
         return positive(name, value)
     return one_each(name, value, len(places))
 
 
-def called(name: str, function: Callable[..., Any], arguments: Iterable[np.ndarray]) -> Any:
+def evaluate(name: str, function: Callable[..., Any], arguments: Iterable[np.ndarray]) -> Any:
     """Result of a user's function of arrays. Raises InputError instead of any other error."""
     with user_code(lambda error: f"{name}: {kind_and_text(error)}; expected a function of arrays"):
         return function(*arguments)
@@ -254,7 +254,7 @@ def truth_values(name: str, condition: Any, *arguments: np.ndarray) -> np.ndarra
     """Values of a condition on arrays of equal shape, one boolean per entry."""
     if not callable(condition):
         raise InputError(f"{name} = {condition!r}: expected a function")
-    holds = np.asarray(called(f"{name}({', '.join('xyz'[: len(arguments)])})", condition, arguments))
+    holds = np.asarray(evaluate(f"{name}({', '.join('xyz'[: len(arguments)])})", condition, arguments))
     shape = arguments[0].shape
     if holds.dtype != bool or holds.shape != shape:
         raise InputError(f"{name} returned {holds.dtype} of shape {holds.shape}: expected bool of shape {shape}")

@@ -115,7 +115,7 @@ class FieldRegister:
         self.stored.append(Stored(declared, array))
         return array
 
-    def kept(self) -> dict[str, Array]:
+    def in_restart(self) -> dict[str, Array]:
         """Arrays stored in restart files, by name."""
         return {s.name: s.array for s in self.stored if s.field.restart}
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.kept import Kept
+from ..device.result_cache import ResultCache
 from ..geometry.couplings import distance_from_segments
 from ..geometry.sheet import Sheet
 from ..geometry.triangulation import crosses
@@ -128,7 +128,7 @@ def _severed(sheet: Sheet, ox: np.ndarray, oy: np.ndarray) -> tuple[np.ndarray, 
 
 
 # Coarser and larger lattices of one process ask for the same weights.
-SOLVED = Kept()
+SOLVED = ResultCache()
 
 
 @dataclass(frozen=True, eq=False)

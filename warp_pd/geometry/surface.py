@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..device.checks import InputError
-from ..device.kept import Kept
+from ..device.result_cache import ResultCache
 from .sheet import Shape
 from .triangulation import corner_sums, doubled_normals, voronoi_areas
 
@@ -50,7 +50,7 @@ def other_diagonals(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 # Cells of equal sheets, from run to run.
-CELLS = Kept()
+CELLS = ResultCache()
 
 
 def cells_of(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:

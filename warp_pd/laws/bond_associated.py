@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 
 from ..context import Context
-from ..device.checks import InputError, called, numbers, one_of, positive
+from ..device.checks import InputError, evaluate, numbers, one_of, positive
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import InfluenceFunction, influence_function
@@ -172,7 +172,7 @@ class BondAssociatedForce(BondAssociatedLaw):
         context, sheet, name = self.context, self.context.sheet, f"{type(self.material).__name__}.by_point"
         if sheet.layout != "cloud" or self.weights == "published" or context.partition is not None:
             raise InputError(f"{name}: expected sheet.as_cloud(), weights with an energy and a single process")
-        given = numbers(name, called(name, values, sheet.points.T.copy()) if callable(values) else values)
+        given = numbers(name, evaluate(name, values, sheet.points.T.copy()) if callable(values) else values)
         if given.shape not in ((), (sheet.size,)):
             raise InputError(f"{name}: expected a number or shape ({sheet.size},), got shape {given.shape}")
         each = np.broadcast_to(given, sheet.size)

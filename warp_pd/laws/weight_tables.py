@@ -10,7 +10,7 @@ import warp as wp
 
 from ..context import Context
 from ..device.checks import InputError
-from ..device.kept import Kept
+from ..device.result_cache import ResultCache
 from ..families import (
     Families,
     InfluenceFunction,
@@ -48,7 +48,7 @@ TRIED, MOST_TRIED = (1.8, 2.015, 2.5, 3.15), 3000
 
 Tables = tuple[Families, np.ndarray, np.ndarray, dict[str, float] | None]
 # A sweep, a fit, and the coarser lattices of a path ask for the same tables many times.
-TABLES = Kept()
+TABLES = ResultCache()
 
 
 def law_tables(context: Context, horizon: float, influence: str | InfluenceFunction, weights: str) -> Tables:

@@ -144,7 +144,7 @@ class VtkHdfSeries:
         """
         self.path = Path(path).resolve()
         self.surface = surface
-        self._chosen = fields
+        self._field_names = fields
         self._last_faces: NDArray[np.integer] | None = None
         self._last_intact: NDArray[np.bool_] | None = None
         self._unfinished = False
@@ -155,7 +155,7 @@ class VtkHdfSeries:
 
     def write(self, frame: Frame) -> None:
         """Add the next frame, with the same fields as the one before."""
-        fields = point_fields(frame, self._chosen)
+        fields = point_fields(frame, self._field_names)
         # HDF5 does not survive a write that fails: the process ends with a segmentation fault.
         require_room(self.path.parent, _most_bytes(self.surface, fields))
         if frame.index == 0:

@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 
 from ..context import Context
-from ..device.checks import InputError, called, count, numbers, one_of, point_indices, said, vector
+from ..device.checks import InputError, count, evaluate, numbers, one_of, point_indices, said, vector
 from ..device.clock import Schedule, schedule
 from ..device.launches import Stage
 from ..geometry.sheet import Sheet
@@ -162,7 +162,7 @@ class Motion(Support):
         knots = times.size
         columns = [np.zeros((knots, 1))] * 3
         for c, (name, value) in enumerate(values.items()):
-            given = called(f"Motion.{name}", value, [times]) if callable(value) else value
+            given = evaluate(f"Motion.{name}", value, [times]) if callable(value) else value
             column = np.atleast_1d(numbers(f"Motion.{name}", 0.0 if given is None else given))
             if column.shape == (1,):
                 column = np.repeat(column, knots)

@@ -87,7 +87,7 @@ class FramePoints:
         return self._coarse is None
 
     @functools.cached_property
-    def _chosen(self) -> slice | np.ndarray:
+    def _selection(self) -> slice | np.ndarray:
         return slice(None) if self._coarse is None else self._coarse.points()
 
     @property
@@ -109,7 +109,7 @@ class FramePoints:
     def surface(self) -> Surface:
         """The reference surface of these points."""
         scene, coarse = self.built.simulation, self._coarse
-        triangles, places, named = scene.sheet.triangles, scene.sheet.points[self._chosen], {}
+        triangles, places, named = scene.sheet.triangles, scene.sheet.points[self._selection], {}
         if coarse is not None:
             triangles = lattice_triangles(len(coarse.columns), len(coarse.rows))[self._faces]
             named = {"stride": coarse.stride}
@@ -131,7 +131,7 @@ class FramePoints:
         """Displacement of these points before the sheet was clamped [m], or None."""
         context = self.built.context
         placement = self.built.simulation.sheet.placement() if context.partition else context.placement
-        return None if placement is None else placement[self._chosen]
+        return None if placement is None else placement[self._selection]
 
     def _values(self, array: Array) -> np.ndarray:
         """A copy of a field of points on the host."""

@@ -148,7 +148,7 @@ def _goes_on(began: Identity, here: Identity) -> bool:
 def collect(recorder: Recorder, known: Identity) -> dict[str, Any]:
     """Copies of the contents of a restart file: arrays, and all else as the bytes of a JSON text."""
     built = recorder.built
-    arrays: dict[str, Any] = {name: built.to_host(array) for name, array in built.context.fields.kept().items()}
+    arrays: dict[str, Any] = {name: built.to_host(array) for name, array in built.context.fields.in_restart().items()}
     numbers = {
         "version": VERSION,
         "parts": known.parts,

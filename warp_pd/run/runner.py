@@ -203,7 +203,7 @@ def _room_of_a_frame(recorder: Recorder, restarts: bool) -> int:
 def restart_bytes(built: Built) -> int:
     """Size of the arrays of a restart file, at most [bytes]."""
     context = built.context
-    return int(sum(array.capacity for array in context.fields.kept().values()) * context.communicator.size)
+    return int(sum(array.capacity for array in context.fields.in_restart().values()) * context.communicator.size)
 
 
 # For those who use the library: its notes are warnings. Without a handler of theirs nothing is printed.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from ..device.checks import InputError, called, count, finite, numbers, positive, truth_values, vector
+from ..device.checks import InputError, count, evaluate, finite, numbers, positive, truth_values, vector
 from ..geometry.sheet import ByPoint
 from ..geometry.sheet import Sheet as PlainSheet
 
@@ -299,7 +299,7 @@ class Sheet(PlainSheet):
         if self.frames is None:
             raise InputError("slit: expected a curved sheet; use cut, or cracks in Sheet.outline, for a flat one")
         if len(path) == 1 and callable(path[0]):
-            level = numbers("slit: level(x, y, z)", called("slit: level(x, y, z)", path[0], self.points.T))
+            level = numbers("slit: level(x, y, z)", evaluate("slit: level(x, y, z)", path[0], self.points.T))
             if level.shape != (self.size,):
                 raise InputError(f"slit: level(x, y, z): expected {self.size} numbers, got shape {level.shape}")
             inside = None if where is None else truth_values("slit: where", where, *self.points.T)

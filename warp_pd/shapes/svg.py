@@ -108,7 +108,7 @@ def read_outline(
         drawn = document.drawn()
     to_meters = np.diag([scale, -scale, 1.0])
     curves: list[TracedCurve] = []
-    for name, each in _chosen(where, drawn, part):
+    for name, each in _select(where, drawn, part):
         left = MOST_POINTS - sum(len(curve.points) for curve in curves)
         with user_code(partial(unreadable, where, name)):
             found = _closed(where, name, each.path, to_meters @ each.matrix, tolerance, left)
@@ -147,7 +147,7 @@ def _document(where: str, document: Document) -> float:
     return float(scales[0])
 
 
-def _chosen(where: str, drawn: list[Drawn], part: str | None) -> list[tuple[str, Drawn]]:
+def _select(where: str, drawn: list[Drawn], part: str | None) -> list[tuple[str, Drawn]]:
     """Name and shape of every element that shows, or of those with an id."""
     if part is not None:
         part = one_of("part", part, [each.id for each in drawn if each.id is not None])

@@ -181,7 +181,7 @@ class Document:
             return None
         numbers = _numbers(text) or []
         if len(numbers) != 4 or min(numbers[2:]) < 0.0:
-            raise InputError(f"{self.where}: {_called(element)}: viewBox = {said(text)}: expected x, y, width, height")
+            raise InputError(f"{self.where}: {_label(element)}: viewBox = {said(text)}: expected x, y, width, height")
         return tuple(numbers)
 
     def _length(self, name: str, of: str, text: str, whole: float | None) -> float:
@@ -205,7 +205,7 @@ class Document:
         found = []
         for name, default in names.items():
             whole = diagonal if name == "r" else width if name in ("x", "cx", "rx", "width", "x1", "x2") else height
-            found.append(self._length(_called(element), name, style.get(name, default), whole))
+            found.append(self._length(_label(element), name, style.get(name, default), whole))
         return found
 
     def _parts(self, element: Any, place: _Place) -> Iterator[Drawn]:
@@ -245,14 +245,14 @@ class Document:
     def _applies(self, element: Any) -> bool:
         """Whether an element shows without extensions of SVG."""
         if element.get("systemLanguage") is not None:
-            raise InputError(f"{self.where}: {_called(element)}: systemLanguage: expected a drawing for every language")
+            raise InputError(f"{self.where}: {_label(element)}: systemLanguage: expected a drawing for every language")
         return element.get("requiredExtensions") is None
 
     def _inherited(self, element: Any, style: dict[str, str], place: _Place) -> _Place | None:
         """The place of what is in an element; None if nothing of it shows."""
         if style.get("display", "").strip().lower() == "none" or not self._applies(element):
             return None
-        name = _called(element)
+        name = _label(element)
         for word in NOT_READ:
             if word in style:
                 raise InputError(f"{self.where}: {name} has {word} = {said(style[word])}: expected transform alone")
@@ -285,15 +285,15 @@ class Document:
             raise InputError(f"{self.where}: {name} has clip-path = {said(text)}: expected url(#...) of a clipPath")
         style = self._styles.of(element)
         if element.get("clipPathUnits", "userSpaceOnUse") != "userSpaceOnUse":
-            raise InputError(f"{self.where}: {_called(element)}: expected one in user units")
+            raise InputError(f"{self.where}: {_label(element)}: expected one in user units")
         inner = self._inherited(element, style, replace(place, visible=True, regions=(), clips=True))
         parts = [] if inner is None else list(self._parts(element, inner))
         if any(part.path is None or part.regions for part in parts):
-            raise InputError(f"{self.where}: {_called(element)}: expected only shapes")
+            raise InputError(f"{self.where}: {_label(element)}: expected only shapes")
         self._clipping += len(parts)
         if self._clipping > MOST_ELEMENTS:
             raise InputError(f"{self.where}: more shapes that clip others: expected at most {MOST_ELEMENTS}")
-        return Region(_called(element), [(part.path, part.matrix) for part in parts])
+        return Region(_label(element), [(part.path, part.matrix) for part in parts])
 
     def _matrix(self, name: str, text: str) -> np.ndarray:
         """The matrix of a list of transforms, (3, 3)."""
@@ -312,7 +312,7 @@ class Document:
 
     def _viewport(self, element: Any, style: dict[str, str], place: _Place) -> _Place | None:
         """The place of what is in a nested svg or a symbol (SVG 2, section 8.2); None if nothing of it shows."""
-        name, box = _called(element), self._box(element)
+        name, box = _label(element), self._box(element)
         if element.get("refX") or element.get("refY"):
             raise InputError(f"{self.where}: {name} has refX or refY: expected x and y")
         whole = {"x": "0", "y": "0", "width": "100%", "height": "100%"}
@@ -340,7 +340,7 @@ class Document:
 
     def _copy(self, element: Any, style: dict[str, str], place: _Place) -> Iterator[Drawn]:
         """What <use> draws."""
-        target, name = self._target(element), _called(element)
+        target, name = self._target(element), _label(element)
         if target is None:
             raise InputError(
                 f"{self.where}: {name} has href = {said(_link(element))}: expected # and the id of an element here"
@@ -350,7 +350,7 @@ class Document:
         yield from self._element(target, place.moved(_shift(x, y)), size)
 
     def _shape(self, element: Any, style: dict[str, str], place: _Place) -> Iterator[Drawn]:
-        tag, name = tag_of(element), _called(element)
+        tag, name = tag_of(element), _label(element)
         if tag == "text" and not "".join(element.itertext()).strip():
             return
         # Copies share their path.
@@ -408,16 +408,14 @@ class Document:
 
     def _require_size(self, element: Any, *sizes: float) -> None:
         if min(sizes) < 0.0:
-            raise InputError(
-                f"{self.where}: {_called(element)} has a size of {min(sizes):g}: expected positive numbers"
-            )
+            raise InputError(f"{self.where}: {_label(element)} has a size of {min(sizes):g}: expected positive numbers")
 
 
 def _link(element: Any) -> str:
     return str(element.get("href", element.get("{http://www.w3.org/1999/xlink}href", ""))).strip()
 
 
-def _called(element: Any) -> str:
+def _label(element: Any) -> str:
     return f"{tag_of(element)} {element.get('id', '')}".rstrip()
 
 

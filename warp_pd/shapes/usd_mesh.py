@@ -61,7 +61,7 @@ def read_usd(path: Path, part: str | None) -> Faces:
     except Tf.ErrorException as error:
         raise InputError(f"path = {str(path)!r}: the file cannot be read: expected a complete USD file") from error
     meshes = [UsdGeom.Mesh(prim) for prim in stage.Traverse(Usd.TraverseInstanceProxies()) if prim.IsA(UsdGeom.Mesh)]
-    mesh = _chosen(path, meshes, part)
+    mesh = _select(path, meshes, part)
     first = Usd.TimeCode.EarliestTime()
     points = np.array(mesh.GetPointsAttr().Get(first) or [], np.float64).reshape(-1, 3)
     counts = np.array(mesh.GetFaceVertexCountsAttr().Get(first) or [], np.int64)
@@ -90,7 +90,7 @@ def read_usd(path: Path, part: str | None) -> Faces:
     )
 
 
-def _chosen(path: Path, meshes: list[Any], part: str | None) -> Any:
+def _select(path: Path, meshes: list[Any], part: str | None) -> Any:
     paths = [str(mesh.GetPath()) for mesh in meshes]
     if not meshes:
         raise InputError(f"path = {str(path)!r}: expected a file with a UsdGeom.Mesh, found none")

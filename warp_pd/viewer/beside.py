@@ -65,7 +65,7 @@ class Processes:
         here = functools.partial(work, *args, **kwargs)
         try:
             job = pickle.dumps((current(), work, args, kwargs))
-            return functools.partial(_answer, self._pool.submit(_called, job), here)
+            return functools.partial(_answer, self._pool.submit(_call, job), here)
         except (pickle.PicklingError, AttributeError, TypeError, BrokenProcessPool):
             # An argument that exists in this process only, or no process.
             return here
@@ -114,7 +114,7 @@ class UnreadableError(Exception):
     """A process cannot load its work, for example the class of an argument from a scene's file."""
 
 
-def _called(job: bytes) -> Any:
+def _call(job: bytes) -> Any:
     try:
         common, work, args, kwargs = pickle.loads(job)
     except (AttributeError, ImportError) as error:

@@ -211,7 +211,7 @@ class DepthBuffer:
             found = np.clip(found, lowest[triangle], highest[triangle])
             if self.cut is not None:
                 places = self.low + self.pixel * np.stack([column + 0.5, y + 0.5], axis=1)
-                kept = self._kept(np.column_stack([places, found]))
+                kept = self._outside_cut(np.column_stack([places, found]))
                 found, y, column, triangle = found[kept], y[kept], column[kept], triangle[kept]
             place = y * self.depth.shape[1] + column
             np.maximum.at(depth, place, found)
@@ -233,7 +233,7 @@ class DepthBuffer:
         middle = cut.mean(axis=1)
         column, row = ((middle[:, :2] - self.low) / self.pixel).astype(int).T
         rows, columns = self.depth.shape
-        inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows) & self._kept(middle)
+        inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows) & self._outside_cut(middle)
         column, row = np.clip(column, 0, columns - 1), np.clip(row, 0, rows - 1)
         # Within two pixels the triangle itself, or the next one, may be nearer than the line.
         steep = 2.0 * np.abs(_slopes(_ordered(corners, self.low, self.pixel))).sum(axis=1)
@@ -241,7 +241,7 @@ class DepthBuffer:
         shown = inside & (middle[:, 2] >= self.depth[row, column] - slack[line])
         return cut[shown][..., :2], line[shown]
 
-    def _kept(self, places: np.ndarray) -> np.ndarray:
+    def _outside_cut(self, places: np.ndarray) -> np.ndarray:
         """Whether places, shape (P, 3), are not cut away, shape (P,)."""
         return np.full(len(places), True) if self.cut is None else places @ self.cut[:3] <= self.cut[3]
 

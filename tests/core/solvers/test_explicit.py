@@ -87,7 +87,7 @@ def test_steps_that_share_launches_are_the_steps_one_by_one(scene, device, joine
         steps = built.context.sequence("step", repeat)
         for _ in range(60 // repeat):
             steps.run()
-        states.append({name: array.numpy() for name, array in built.context.fields.kept().items()})
+        states.append({name: array.numpy() for name, array in built.context.fields.in_restart().items()})
         if built.law.intact is not None:
             families = built.law.families
             assert (built.law.intact.numpy() != families.rows_of_points(pack(families.exists)).T).any()

@@ -8,7 +8,7 @@ from helpers import GENT, jittered, square
 from small_runs import run
 
 from warp_pd import Fixed, Newton, Pressure
-from warp_pd.device.kept import Kept, content
+from warp_pd.device.result_cache import ResultCache, content
 from warp_pd.laws import weight_tables
 
 LATTICE, CLOUD = square(9), jittered(9)
@@ -39,8 +39,8 @@ def found(name):
 
 @pytest.fixture
 def tables(monkeypatch):
-    """Kept tables of this test alone."""
-    kept = Kept()
+    """Tables that this test alone keeps."""
+    kept = ResultCache()
     monkeypatch.setattr(weight_tables, "TABLES", kept)
     return kept
 
@@ -50,7 +50,7 @@ def test_no_run_gets_the_tables_of_another_sheet_or_law(tables, monkeypatch):
     # Materials and precisions share their tables, functions are not kept.
     assert len(tables) == len(SCENES) - 4
     again = {name: found(name) for name in reversed(SCENES)}
-    monkeypatch.setattr(weight_tables, "TABLES", Kept(most=0))
+    monkeypatch.setattr(weight_tables, "TABLES", ResultCache(most=0))
     alone = {name: found(name) for name in SCENES}
     assert first == again == alone and len(set(alone.values())) == len(SCENES)
 
@@ -78,7 +78,7 @@ def test_what_is_kept_cannot_be_written_to(tables):
 
 
 def test_memory_is_bounded_and_the_last_ones_stay():
-    made, kept = [], Kept(most=8000)
+    made, kept = [], ResultCache(most=8000)
 
     def make(number, size):
         made.append(number)

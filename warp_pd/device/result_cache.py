@@ -18,7 +18,7 @@ T = TypeVar("T")
 MOST = 2**26
 
 
-class Kept:
+class ResultCache:
     """The results of one function, the last ones used, by the content of its arguments.
 
     What is kept is a copy, whose arrays are read-only: neither a run nor an argument that changes later changes it.
