@@ -39,6 +39,7 @@ def init_warp() -> None:
         _use_temporary(error)
     _keep_headers()
     _compile_once()
+    _resolve_once()
 
 
 def _compile_once() -> None:
@@ -53,6 +54,39 @@ def _compile_once() -> None:
         return
     # A name of Warp's own: a version without it does not look at what is set here.
     codegen.cpu_linear_contiguous_specialization_candidate = lambda adj, block_dim: False
+
+
+def _resolve_once() -> None:
+    """Have Warp look for the overload of a builtin once for the types of its arguments.
+
+    It tries all overloads at every call in every kernel, two fifths of the time in which it writes a kernel. What it
+    finds depends on the types alone.
+    """
+    try:
+        from warp._src import codegen
+
+        writer: Any = codegen.Adjoint
+        resolve, reference = writer.resolve_func, codegen.Reference
+    except (ImportError, AttributeError):
+        # Names of Warp's own: a version without them looks as it likes.
+        return
+    found: dict[Any, Any] = {}
+
+    def known(given: Any) -> Any:
+        if isinstance(given, type):
+            return given
+        return (given.value_type,) if type(given) is reference and isinstance(given.value_type, type) else None
+
+    def resolve_func(adj: Any, func: Any, arg_types: Any, kwarg_types: Any, min_outputs: Any) -> Any:
+        types = tuple(map(known, arg_types))
+        if kwarg_types or None in types or not func.is_builtin():
+            return resolve(adj, func, arg_types, kwarg_types, min_outputs)
+        key = (func, types, min_outputs)
+        if key not in found:
+            found[key] = resolve(adj, func, arg_types, kwarg_types, min_outputs)
+        return found[key]
+
+    writer.resolve_func = resolve_func
 
 
 def _keep_headers() -> None:

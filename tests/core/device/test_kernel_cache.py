@@ -6,8 +6,11 @@ import subprocess
 import sys
 
 import pytest
+import warp as wp
+from warp._src import codegen
 
 from warp_pd.device import kernel_cache
+from warp_pd.device.cores import start_warp
 
 CODE = """
 import sys
@@ -105,3 +108,28 @@ def test_a_cache_that_can_only_be_read_is_used(tmp_path):
 def test_a_full_cache_is_one_line(tmp_path, monkeypatch):
     with pytest.raises(kernel_cache.InputError, match="expected WARP_CACHE_PATH to name a folder with room"):
         kernel_cache._require_room(tmp_path / "missing")
+
+
+def test_overloads_are_looked_for_once(monkeypatch):
+    """A second function with calls of the same types asks Warp for none, and one without an overload is refused."""
+    start_warp()
+    tried, match = [], codegen.func_match_args
+    monkeypatch.setattr(codegen, "func_match_args", lambda *given, **more: tried.append(given) or match(*given, **more))
+
+    def first(x: wp.vec3d, s: wp.float64):
+        return wp.normalize(x) * s + wp.cross(x, x)
+
+    def second(y: wp.vec3d, t: wp.float64):
+        return wp.cross(y, y) * t + wp.normalize(y)
+
+    def wrong(y: wp.vec3d, t: wp.float64):
+        return wp.cross(y, t)
+
+    written = codegen.Adjoint(first), codegen.Adjoint(second)
+    written[0].build(None, {})
+    tried.clear()
+    written[1].build(None, {})
+    assert not tried and "wp::cross(var_y, var_y)" in "".join(written[1].blocks[0].body_forward)
+    for _ in range(2):
+        with pytest.raises(codegen.WarpCodegenError, match=r"overload for 'cross'.*vec3d, float64"):
+            codegen.Adjoint(wrong).build(None, {})
