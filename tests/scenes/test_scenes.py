@@ -18,7 +18,6 @@ from warp_pd.gas.enclosed import volume_of
 from warp_pd.interfaces.frame import Frame
 from warp_pd.scenes import snap_through, stable_crack, tube_bulge, wrinkles
 from warp_pd.scenes.balloon import exact_pressure
-from warp_pd.viewer import pictures, plots
 
 SMALL = {
     "bimodular_bar": {"points": 60},
@@ -88,12 +87,8 @@ FOLDER = tempfile.TemporaryDirectory(prefix="warp_pd_scenes_")
 
 @functools.cache
 def ran(name):
-    """The small run of a scene, with its files in a temporary folder; pictures of few pixels, which take less time."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pictures, "RESOLUTION", 50)
-        patch.setattr(pictures, "RESOLUTION_IN_VECTORS", 50)
-        patch.setattr(plots, "RESOLUTION_IN_VECTORS", 50)
-        return build_scene(name, dict(SMALL[name])).run(device="cpu", out=Path(FOLDER.name) / name, pictures=True)
+    """The small run of a scene, with its files in a temporary folder."""
+    return build_scene(name, dict(SMALL[name])).run(device="cpu", out=Path(FOLDER.name) / name, pictures=True)
 
 
 def value(result, name):
