@@ -16,12 +16,15 @@ from warp_pd import (
     Fixed,
     NeoHookean,
     Newton,
+    Place,
     PointForce,
     Pressure,
     Sheet,
     Simulation,
     TearingEnergy,
     Yeoh,
+    placed,
+    together,
 )
 from warp_pd.geometry.surface import cells_of, other_diagonals, pressed_weights
 from warp_pd.geometry.triangulation import boundary_edges, doubled_normals
@@ -226,6 +229,19 @@ def test_a_pressure_whose_resultant_on_points_is_not_that_of_its_edge_is_noted(p
     off = abs(rim / (-pressure * 0.1**2) - 1.0)
     assert (off > 0.02) == said == bool(told_error(result)), off
     assert all(percent == pytest.approx(100.0 * off, rel=0.06) for percent in told_error(result))
+
+
+def test_errors_of_two_pieces_do_not_cancel():
+    """Two bulges on one sheet of two pieces, the second upside down: together their edges carry nothing."""
+    both = together(square(9), square(9))
+    start = placed(both, Place(), Place(offset=(0.0, 0.1, 0.2), axis=(1.0, 0.0, 0.0), degrees=180.0))
+    loads = [Fixed(both.edges("all")), Pressure(3e4)]
+    result = simulate(
+        both, Newton(load_steps=4), material=Yeoh(2e5, 0.0, 100.0), initial_displacement=start, loads=loads
+    ).run(device="cpu")
+    up, down = (support_force(result.built, both.edges(f"sheet {number} all"))[2] for number in (1, 2))
+    assert up == pytest.approx(-down, rel=1e-6)
+    assert told_error(result) == pytest.approx([100.0 * abs(up / (3e4 * 0.1**2) + 1.0)], rel=0.06)
 
 
 def told_error(result):

@@ -128,10 +128,12 @@ def pressed_faces(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([*halves, cells[lone, :3]]), np.repeat([1.0 / 12.0, 1.0 / 6.0], [4 * len(a), lone.sum()])
 
 
-def pressed_area(places: np.ndarray, cells: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Resultant over the pressure, of points at places [m], (N, 3), with `pressed_weights` (N,): [m^2], shape (3,)."""
+def pressed_areas(places: np.ndarray, cells: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Force on points at places [m], (N, 3), with `pressed_weights`, (N,), over the pressure: [m^2], (N, 3)."""
     faces, share = pressed_faces(cells)
-    return np.asarray((share * weights[faces].sum(axis=1)) @ doubled_normals(places, faces))
+    normals = share[:, None] * doubled_normals(places, faces)
+    sums = [corner_sums(np.repeat(normals[:, c, None], 3, axis=1), faces, len(places)) for c in range(3)]
+    return np.asarray(weights[:, None] * np.column_stack(sums))
 
 
 def pressure_matrix(places: np.ndarray, cells: np.ndarray, pressures: np.ndarray) -> Any:

@@ -18,8 +18,8 @@ from ..device.graph import run_once
 from ..device.launches import Stage
 from ..families.partition import Partition
 from ..geometry.sheet import Sheet
-from ..geometry.surface import cells_of, pressed_area, pressed_weights
-from ..geometry.triangulation import boundary_sides
+from ..geometry.surface import cells_of, pressed_areas, pressed_weights
+from ..geometry.triangulation import boundary_sides, components, directed_edges
 from ..interfaces import BuiltLaw, BuiltLoad, BuiltPart, History, Load, Part
 from ..interfaces.scales import LIGHTEST, Scales, largest_factor
 from ..kernels.loads import dead_load, follower_pressure, follower_pressure_tangent, scaled_values
@@ -260,8 +260,9 @@ class FollowerPressure(BuiltLoad):
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """A note if the families do not resolve the surface, so that the force is not that of a pressure.
 
-        The resultant over a surface follows from its edge alone. That on points has it only if the normals of families
-        are those of the surface.
+        The resultant over a piece of the sheet follows from its edge alone. That on points has it only if the normals
+        of families are those of the surface. Of a piece with several edges nothing is known of each: how they share the
+        resultant depends on the stresses.
         """
         context, sheet = self.context, self.context.sheet
         factor = context.clock.factor(self._schedule)
@@ -269,25 +270,31 @@ class FollowerPressure(BuiltLoad):
         no_edge = len(np.unique(sheet.triangles)) < sheet.size
         if torn or no_edge or context.partition is not None or factor == 0.0:
             return []
-        edge, missed = self._area_vectors(factor)
-        area = float(sheet.areas.sum())
-        if not missed > max(UNRESOLVED * edge, UNBALANCED * area):
+        # Points that triangles connect.
+        piece = components(sheet.size, directed_edges(sheet.triangles))
+        edges, missed = self._area_vectors(factor, piece)
+        areas = np.bincount(piece, sheet.areas)
+        worst = int(np.argmax(missed / np.maximum(UNRESOLVED * edges, UNBALANCED * areas)))
+        edge, off, area = float(edges[worst]), float(missed[worst]), float(areas[worst])
+        if not off > max(UNRESOLVED * edge, UNBALANCED * area):
             return []
+        which = f" of piece {worst + 1}" if len(areas) > 1 else ""
         if edge <= UNBALANCED * area:
-            where = "between edges that balance" if len(boundary_sides(sheet.triangles)) else "in the closed surface"
+            own = sheet.triangles[piece[sheet.triangles[:, 0]] == worst]
+            where = "between edges that balance" if len(boundary_sides(own)) else "in the closed surface"
             return [
-                f"Pressure({self._value:g}): its resultant {where} is {missed / area:.2g} times pressure times area "
-                "instead of 0: expected more points, or on='triangles'"
+                f"Pressure({self._value:g}): its resultant {where}{which} is {off / area:.2g} times pressure times "
+                "area instead of 0: expected more points, or on='triangles'"
             ]
         pressure = abs(factor * self._value)
         return [
-            f"Pressure({self._value:g}): its resultant on the points is off by {pressure * missed:.3g} N, "
-            f"{100.0 * missed / edge:.2g} % of the {pressure * edge:.3g} N that the edge carries: "
+            f"Pressure({self._value:g}): its resultant on the points{which} is off by {pressure * off:.3g} N, "
+            f"{100.0 * off / edge:.2g} % of the {pressure * edge:.3g} N that the edge carries: "
             "the families do not resolve the surface, and supports are wrong; expected on='triangles', or more points"
         ]
 
-    def _area_vectors(self, factor: float) -> tuple[float, float]:
-        """Lengths of the vector area that the edge spans, and of the error of the resultant over the pressure [m^2].
+    def _area_vectors(self, factor: float, piece: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Lengths of the vector areas that the edges of each piece span, and of the errors of the resultants [m^2].
 
         Points of a flat sheet may represent an area beyond its triangles, which the edge then carries as well.
         """
@@ -302,9 +309,11 @@ class FollowerPressure(BuiltLoad):
         cells = cells_of(sheet.positions, np.asarray(sheet.triangles))
         weights = pressed_weights(sheet, cells) if sheet.frames is None else np.ones(sheet.size)
         places = sheet.positions + to_host(context.state.displacement).astype(float)
-        edge = pressed_area(places, cells, weights)
-        found = to_host(out).astype(float).sum(axis=0)
-        return float(np.linalg.norm(edge)), float(np.linalg.norm(found - edge))
+        exact = pressed_areas(places, cells, weights)
+        forces = (exact, to_host(out).astype(float) - exact)
+        of_pieces = (np.column_stack([np.bincount(piece, force[:, c]) for c in range(3)]) for force in forces)
+        edges, missed = (np.linalg.norm(each, axis=1) for each in of_pieces)
+        return edges, missed
 
     def on_coarser(self, context: Context, law: BuiltLaw) -> BuiltLoad:
         """Build the same pressure on a coarser lattice."""
