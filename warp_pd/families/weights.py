@@ -427,7 +427,7 @@ class _Blocks:
 
 
 class _Dual(NamedTuple):
-    """The problem of `_closest_balanced`, in units of the spacing."""
+    """The problem of `closest_balanced`, in units of the spacing."""
 
     matrix: sparse.csr_matrix
     transposed: sparse.csr_matrix

@@ -98,7 +98,7 @@ class BondBased:
     point c belongs; its stiffness is symmetric only if both ends have the same c.) Under uniform isotropic strain the
     energy is exact at every point, including edges. Under other strains it is that of the lattice, and the edges are
     too stiff: see tests/papers/test_bond_based.py. Corrected micro-moduli balance every uniform strain up to the edges
-    of a rectangle: see weights/micromoduli.py.
+    of a rectangle: see papers/micromoduli.py.
 
     An undeformed sheet has only in-plane stiffness. In plane problems, hold all out-of-plane displacements:
     `Fixed(range(sheet.size), "z")`.

@@ -9,7 +9,7 @@ and the traction of the stress C : eps balances it if M_i = -C b_i, where b_i is
 length of its edge times the outward normal. C is that of plane stress with Poisson's ratio 1/3, whose components are
 symmetric in all indices, like M_i. The published micro-moduli c_i = g E / sum_j |X_ij| V_j balance it only in the
 interior, and there with the C of the lattice, which is not isotropic. The corrected ones balance it everywhere, stay
-positive, and change as little as possible, like the area weights (weights/__init__.py). If the outer points are inside
+positive, and change as little as possible, like the area weights (families/weights.py). If the outer points are inside
 the edge by a fraction o of the spacing, b_i is distributed to the first and second layer by 1 + o and -o, so that it
 acts on the edge. Positive weights then balance horizons of at least 3 spacings to round-off, and 1.5 and 2.015 to a
 tenth of the traction; if the outer points are on the edges, all of these are balanced.
