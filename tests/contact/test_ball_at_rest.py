@@ -224,6 +224,15 @@ def test_forces_of_contact_settle(scene, monkeypatch):
         assert np.abs(found - expected).max() < error * max(size, 0.1 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-5])
+def test_relaxation_in_float32_is_as_close_as_its_tolerance(tolerance):
+    """The sheet without stress is soft, and residuals of 1e-4 leave six times as much in the force."""
+    body, path = LIGHT
+    expected = on_a_square(body, path, Newton(load_steps=2), 64)[0]
+    found = on_a_square(body, path, Relaxation(load_steps=2, tolerance=tolerance), 32)[0]
+    assert np.abs(found - expected).max() < 10.0 * tolerance * np.linalg.norm(expected)
+
+
 def test_a_disc_pulled_over_a_still_ball():
     """It is the same but for a shift: the path, and where the last digits are, differ."""
     sheet, rim = disc(25)
