@@ -20,6 +20,12 @@ if TYPE_CHECKING:
     from .interfaces.frame import Frame
     from .run.built import Built
 
+__all__ = [
+    "TearLine", "at_peak", "at_time", "distance_from_local_plane", "energy_release_rate", "growth_rate",
+    "largest", "row_at", "stress_at", "support_force", "support_torque", "time_above", "time_below", "torn",
+    "virial_stress", "when_above", "worst_balance",
+]  # fmt: skip
+
 # Rounds of averaging along a crack face, enough to take the stairs of the triangulation out of its length:
 # straight cracks at any angle to any grid then measure within 3 % (tests/core/test_measures.py).
 SMOOTHING_ROUNDS = 3

@@ -193,6 +193,18 @@ def test_packages_offer_what_they_say(package):
     assert raised.value.obj is module and raised.value.name == "nothing", "Python suggests names"
 
 
+def test_a_module_of_the_pages_keeps_the_names_of_the_package():
+    """`from warp_pd import *` and then `from warp_pd.measures import *` leave `Sheet` what it was."""
+    texts = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), *(ROOT / "scenes").glob("*.py")]
+    modules = {found for text in texts for found in re.findall(r"from (warp_pd\.\w+) import", text.read_text())}
+    assert "warp_pd.measures" in modules
+    for name in sorted(modules):
+        module: dict[str, object] = {}
+        exec(f"from {name} import *", module)
+        changed = [n for n in module if n in warp_pd.__all__ and module[n] is not getattr(warp_pd, n)]
+        assert not changed, f"{name}: {changed}"
+
+
 def test_import_waits_for_nothing_else():
     """Names that were not used yet are listed, so that shells complete them."""
     code = (
