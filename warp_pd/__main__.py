@@ -26,7 +26,7 @@ from .command.scene_files import (
     scene_names,
 )
 from .command.scene_help import SceneCommand
-from .device.checks import InputError, count, device_name, one_of, said, vector
+from .device.checks import InputError, count, device_name, one_of, show, vector
 from .device.version import __version__
 
 # Objects that Python may create before it looks for garbage. Warp, USD and Matplotlib create hundreds of thousands that
@@ -431,7 +431,7 @@ def _draw_again(folder: Path, scene: str | None, pictures: str) -> None:
         raise InputError(f"scene = {scene!r}: expected {summary['scene']!r}, the scene of this run")
     if scene is None and (summary.get("file") is not None or summary["scene"] not in scene_names()):
         raise InputError(
-            f"folder = {str(folder)!r}: its scene is {said(summary.get('file') or summary['scene'])}, and a folder's "
+            f"folder = {str(folder)!r}: its scene is {show(summary.get('file') or summary['scene'])}, and a folder's "
             "word is not enough to run a file: expected --scene FILE.py"
         )
     simulation = build_scene(scene or summary["scene"], summary["settings"])

@@ -18,7 +18,7 @@ from warp_pd import (
     Sheet,
     Simulation,
 )
-from warp_pd.device.checks import said
+from warp_pd.device.checks import show
 
 FLAT = {"thickness": 1e-3, "density": 1000.0}
 
@@ -89,9 +89,9 @@ def test_a_ball_may_touch_the_sheet_at_the_start():
 
 
 def test_values_in_messages_are_short():
-    assert said(np.zeros((3, 200))) == "float64 array of shape (3, 200)"
-    assert said(int) == "the class int" and said(lambda x: x) == "the function <lambda>"
-    assert len(said("x" * 1000)) == 90 and "\n" not in said([np.zeros(5), "a\nb"])
+    assert show(np.zeros((3, 200))) == "float64 array of shape (3, 200)"
+    assert show(int) == "the class int" and show(lambda x: x) == "the function <lambda>"
+    assert len(show("x" * 1000)) == 90 and "\n" not in show([np.zeros(5), "a\nb"])
 
 
 def test_much_damping_shortens_the_step():

@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import warp as wp
 
-from ..device.checks import InputError, count, of_kind, said
+from ..device.checks import InputError, count, of_kind, show
 from ..statics.tangent import Tangent, tangent_of
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def natural_modes(built: Built, number: int = 6, components: str = "xyz") -> Mod
     of_kind("built", built, Built)
     count("number", number, 1)
     if not isinstance(components, str) or not components or set(components) - set("xyz"):
-        raise InputError(f"components = {said(components)}: expected distinct letters from 'xyz'")
+        raise InputError(f"components = {show(components)}: expected distinct letters from 'xyz'")
     if built.external.following:
         raise InputError(
             f"natural_modes: {built.external.following[0].label} depends on the displacement; expected only loads that "

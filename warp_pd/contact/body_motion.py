@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 
 from ..context import Context
-from ..device.checks import InputError, numbers, positive, said, vector
+from ..device.checks import InputError, numbers, positive, show, vector
 from ..device.clock import Schedule
 from ..device.fields import Array
 from ..device.launches import Launch, Stage
@@ -105,7 +105,7 @@ class BodyPath(BodyMotion):
     def __post_init__(self) -> None:
         times = numbers("BodyPath.times", self.times)
         if times.ndim != 1 or times.size == 0 or (np.diff(times) <= 0.0).any():
-            raise InputError(f"BodyPath.times = {said(self.times)}: expected one or more increasing times")
+            raise InputError(f"BodyPath.times = {show(self.times)}: expected one or more increasing times")
         positions = numbers("BodyPath.positions", self.positions)
         if positions.shape != (len(times), 3):
             raise InputError(f"BodyPath.positions: expected shape ({len(times)}, 3), got {positions.shape}")
@@ -184,7 +184,7 @@ def unit_quaternion(name: str, value: Any) -> np.ndarray:
     found = np.array(vector(name, value, 4))
     length = float(np.linalg.norm(found))
     if not abs(length - 1.0) < 1e-3:
-        raise InputError(f"{name} = {said(value)}: expected a unit quaternion (x, y, z, w); its length is {length:.4g}")
+        raise InputError(f"{name} = {show(value)}: expected a unit quaternion (x, y, z, w); its length is {length:.4g}")
     return np.asarray(found / length)
 
 

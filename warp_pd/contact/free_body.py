@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 
 from ..context import Context
-from ..device.checks import InputError, numbers, positive, said, vector
+from ..device.checks import InputError, numbers, positive, show, vector
 from ..device.fields import Array
 from ..device.launches import Stage, with_values
 from ..kernels.contact.body_contact import Given, PointContact
@@ -64,10 +64,10 @@ class Free(BodyMotion):
         found = numbers("Free.inertia", self.inertia)
         matrix = np.diag(found) if found.shape == (3,) else found
         if matrix.shape != (3, 3) or not np.allclose(matrix, matrix.T):
-            raise InputError(f"Free.inertia = {said(self.inertia)}: expected three moments or a symmetric matrix")
+            raise InputError(f"Free.inertia = {show(self.inertia)}: expected three moments or a symmetric matrix")
         values = np.linalg.eigvalsh(matrix)
         if not values[0] > LEAST_INERTIA * max(values[-1], 0.0) or not values[0] > 0.0:
-            raise InputError(f"Free.inertia = {said(self.inertia)}: expected positive moments")
+            raise InputError(f"Free.inertia = {show(self.inertia)}: expected positive moments")
         return matrix
 
     def pose(self, time: float) -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 
 from ..context import Context
-from ..device.checks import InputError, by_point, of_kind, point_indices, positive, said
+from ..device.checks import InputError, by_point, of_kind, point_indices, positive, show
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..geometry.sheet import ByPoint
@@ -95,7 +95,7 @@ class Joint(Part):
                 by_point(f"Joint.{name}", value, np.zeros((np.size(value), 2)))
         for name in ("strength", "shear_energy", "shear_strength"):
             if self.energy is None and (value := getattr(self, name)) is not None:
-                raise InputError(f"Joint.{name} = {said(value)}: expected None for glue that holds (energy = None)")
+                raise InputError(f"Joint.{name} = {show(value)}: expected None for glue that holds (energy = None)")
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltPart:
         """Build the joint on a device."""

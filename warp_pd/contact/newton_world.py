@@ -16,7 +16,7 @@ import numpy as np
 import warp as wp
 
 from ..context import Context
-from ..device.checks import InputError, positive, said
+from ..device.checks import InputError, positive, show
 from ..device.cores import no_collection
 from ..device.fields import Array
 from ..device.launches import Call, Touched
@@ -68,9 +68,9 @@ def newton_bodies(
     """
     newton = load_newton()
     if not isinstance(builder, newton.ModelBuilder):
-        raise InputError(f"newton_bodies: builder = {said(builder)}: expected a newton.ModelBuilder")
+        raise InputError(f"newton_bodies: builder = {show(builder)}: expected a newton.ModelBuilder")
     if not callable(solver) or isinstance(solver, newton.solvers.SolverBase):
-        raise InputError(f"newton_bodies: solver = {said(solver)}: expected a class or function that makes a solver")
+        raise InputError(f"newton_bodies: solver = {show(solver)}: expected a class or function that makes a solver")
     positive("newton_bodies: step", step)
     labels = list(builder.shape_label)
     touches = int(newton.ShapeFlags.COLLIDE_SHAPES)

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..context import Context
-from ..device.checks import InputError, not_negative, positive, resolved, said, vector
+from ..device.checks import InputError, not_negative, positive, resolved, show, vector
 from ..families.partition import Partition
 from ..geometry.sheet import Sheet
 from ..interfaces import BuiltContact, BuiltLaw, Contact
@@ -46,15 +46,15 @@ class RigidBody(BodySettings):
 
     def __post_init__(self) -> None:
         if isinstance(self.shape, type) or not isinstance(self.shape, BodyShape):
-            raise InputError(f"RigidBody.shape = {said(self.shape)}: expected a shape, such as Sphere(0.1)")
+            raise InputError(f"RigidBody.shape = {show(self.shape)}: expected a shape, such as Sphere(0.1)")
         if isinstance(self.motion, type) or not isinstance(self.motion, BodyMotion):
-            raise InputError(f"RigidBody.motion = {said(self.motion)}: expected BodyPath or Free")
+            raise InputError(f"RigidBody.motion = {show(self.motion)}: expected BodyPath or Free")
         not_negative("RigidBody.friction", self.friction)
         if not isinstance(self.name, str) or not self.name.isidentifier():
-            raise InputError(f"RigidBody.name = {said(self.name)}: expected letters, digits and _, such as 'needle'")
+            raise InputError(f"RigidBody.name = {show(self.name)}: expected letters, digits and _, such as 'needle'")
         self.motion.check(self.shape)
         if not isinstance(self.surface, bool):
-            raise InputError(f"RigidBody.surface = {said(self.surface)}: expected True or False")
+            raise InputError(f"RigidBody.surface = {show(self.surface)}: expected True or False")
         if self.surface and self.shape.segments() is None:
             raise InputError(
                 f"{self.title}: surface = True: expected a Sphere, Capsule, Box or TriangleMesh, got a "

@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 
 from ..context import Context
-from ..device.checks import InputError, not_negative, positive, said
+from ..device.checks import InputError, not_negative, positive, show
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..geometry.sheet import Sheet
@@ -59,9 +59,9 @@ class SelfContact(Contact):
                 positive(f"SelfContact.{name}", value)
         not_negative("SelfContact.friction", self.friction)
         if not isinstance(self.surface, bool):
-            raise InputError(f"SelfContact.surface = {said(self.surface)}: expected True or False")
+            raise InputError(f"SelfContact.surface = {show(self.surface)}: expected True or False")
         if self.surface and self.stiffness is not None:
-            raise InputError(f"SelfContact.stiffness = {said(self.stiffness)}: expected None with surface = True")
+            raise InputError(f"SelfContact.stiffness = {show(self.stiffness)}: expected None with surface = True")
 
     def build(self, context: Context, law: BuiltLaw) -> BuiltContact:
         """Build the contact on a device."""

@@ -48,7 +48,7 @@ def user_code(text_of: Callable[[Exception], str]) -> Iterator[None]:
         raise InputError(text_of(error)) from error
 
 
-def said(value: Any) -> str:
+def show(value: Any) -> str:
     """Any value as one short line for a message."""
     if isinstance(value, np.ndarray) and value.size > MAX_SHOWN:
         return f"{value.dtype} array of shape {value.shape}"
@@ -73,9 +73,9 @@ def finite(name: str, value: Any) -> float:
         number = None
     # Reject text even if it reads like a number: the first sum with it would end with a traceback. True is not 1.
     if number is None or isinstance(value, str | bool | np.bool_):
-        raise InputError(f"{name} = {said(value)}: expected a number")
+        raise InputError(f"{name} = {show(value)}: expected a number")
     if not math.isfinite(number):
-        raise InputError(f"{name} = {said(value)}: expected a finite number")
+        raise InputError(f"{name} = {show(value)}: expected a finite number")
     return number
 
 
@@ -83,7 +83,7 @@ def positive(name: str, value: Any) -> float:
     """`value` as a positive float. Raises InputError if it is not."""
     number = finite(name, value)
     if number <= 0.0:
-        raise InputError(f"{name} = {said(value)}: expected a positive number")
+        raise InputError(f"{name} = {show(value)}: expected a positive number")
     return number
 
 
@@ -91,28 +91,28 @@ def not_negative(name: str, value: Any) -> float:
     """`value` as a nonnegative float. Raises InputError if it is not."""
     number = finite(name, value)
     if number < 0.0:
-        raise InputError(f"{name} = {said(value)}: expected 0 or a positive number")
+        raise InputError(f"{name} = {show(value)}: expected 0 or a positive number")
     return number
 
 
 def count(name: str, value: Any, least: int) -> int:
     """Return `value` as an int. Raises InputError if it is not a whole number of at least `least`."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-        raise InputError(f"{name} = {said(value)}: expected a whole number of {least} or more")
+        raise InputError(f"{name} = {show(value)}: expected a whole number of {least} or more")
     return int(value)
 
 
 def below_one(name: str, value: Any) -> float:
     """`value` as a float between 0 and 1, exclusive. Raises InputError if it is not."""
     if positive(name, value) >= 1.0:
-        raise InputError(f"{name} = {said(value)}: expected a number greater than 0 and less than 1")
+        raise InputError(f"{name} = {show(value)}: expected a number greater than 0 and less than 1")
     return float(value)
 
 
 def counts(name: str, value: Any, least: int) -> tuple[int, int]:
     """`value` as two ints, each at least `least`. Raises InputError if it is not."""
     if not isinstance(value, tuple | list) or len(value) != 2:
-        raise InputError(f"{name} = {said(value)}: expected two whole numbers")
+        raise InputError(f"{name} = {show(value)}: expected two whole numbers")
     return count(f"{name}[0]", value[0], least), count(f"{name}[1]", value[1], least)
 
 
@@ -158,7 +158,7 @@ def corners(name: str, value: Any, points: int) -> np.ndarray:
     """`value` as the corners of triangles, int32, shape (F, 3)."""
     found = np.asarray(value)
     if found.ndim != 2 or found.shape[1] != 3 or not len(found) or found.dtype.kind not in "iu":
-        raise InputError(f"{name} = {said(found)}: expected whole numbers of shape (F, 3) with F >= 1")
+        raise InputError(f"{name} = {show(found)}: expected whole numbers of shape (F, 3) with F >= 1")
     _require_points(name, found, points)
     return found.astype(np.int32)
 
@@ -175,7 +175,7 @@ def resolved(name: str, length: float, spacing: float, least: float = 2.0) -> fl
 def of_kind(name: str, value: Any, kind: type) -> None:
     """Raise InputError unless `value` is an instance of `kind`."""
     if not isinstance(value, kind):
-        raise InputError(f"{name} = {said(value)}: expected a {kind.__name__}")
+        raise InputError(f"{name} = {show(value)}: expected a {kind.__name__}")
 
 
 def implements(value: Any, kind: Any) -> bool:
@@ -192,13 +192,13 @@ def one_of(name: str, value: Any, allowed: Iterable[Any]) -> Any:
     words = [c for c in choices if isinstance(c, str)]
     nearest = difflib.get_close_matches(str(value), words, n=1, cutoff=0.5)
     hint = f" (did you mean {nearest[0]!r}?)" if nearest else ""
-    raise InputError(f"{name} = {said(value)}: expected one of {', '.join(repr(c) for c in choices)}{hint}")
+    raise InputError(f"{name} = {show(value)}: expected one of {', '.join(repr(c) for c in choices)}{hint}")
 
 
 def device_name(value: str | None) -> str | None:
     """Return the name of a device, or None. Raises InputError if no device has such a name, here or elsewhere."""
     if value is not None and not re.fullmatch(r"cpu|cuda(:\d+)?", value):
-        raise InputError(f"device = {said(value)}: expected 'cpu', 'cuda', or a CUDA device such as 'cuda:0'")
+        raise InputError(f"device = {show(value)}: expected 'cpu', 'cuda', or a CUDA device such as 'cuda:0'")
     return value
 
 
@@ -209,7 +209,7 @@ def vector(name: str, value: Any, length: int) -> tuple[float, ...]:
     except (TypeError, ValueError):
         numbers = ()
     if len(numbers) != length or not all(math.isfinite(n) for n in numbers):
-        raise InputError(f"{name} = {said(value)}: expected {length} finite numbers")
+        raise InputError(f"{name} = {show(value)}: expected {length} finite numbers")
     return numbers
 
 
@@ -222,7 +222,7 @@ def numbers(name: str, value: Any) -> np.ndarray:
     except (TypeError, ValueError):
         found = None
     if found is None:
-        raise InputError(f"{name} = {said(value)}: expected numbers")
+        raise InputError(f"{name} = {show(value)}: expected numbers")
     bad = np.argwhere(~np.isfinite(found))
     if len(bad):
         place = "" if found.ndim == 0 else f"[{', '.join(map(str, bad[0]))}]"
@@ -236,10 +236,10 @@ def point_indices(name: str, value: Any, points: int) -> np.ndarray:
     if given.dtype == bool and given.shape == (points,):
         given = np.flatnonzero(given)
     if given.size and given.dtype.kind not in "iu":
-        raise InputError(f"{name} = {said(value)}: expected point indices, or a mask of {points} booleans")
+        raise InputError(f"{name} = {show(value)}: expected point indices, or a mask of {points} booleans")
     indices = np.unique(given.astype(np.int64))
     if indices.size == 0:
-        raise InputError(f"{name} = {said(value)}: expected at least one point")
+        raise InputError(f"{name} = {show(value)}: expected at least one point")
     _require_points(name, indices, points)
     return indices.astype(np.int32)
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..device.checks import InputError, said
+from ..device.checks import InputError, show
 
 HEADER = re.compile(r"^\s*([^\[\]()]+?)\s*[\[(]\s*([^\[\]()]*)\s*[\])]\s*$")
 # A number with separators; one whose commas, points or spaces may separate thousands.
@@ -335,7 +335,7 @@ def _joined_header(path: Path, first: list[str], second: list[str], line: int) -
     if len(second) == len(first) and not any(HEADER.match(_half_width(cell)) for cell in first):
         return [f"{name} [{unit or '1'}]" for name, unit in zip(first, words, strict=True)], 2
     raise InputError(
-        f"{path.name}, line {line}: {said(', '.join(second))}: expected numbers below the header; begin other lines "
+        f"{path.name}, line {line}: {show(', '.join(second))}: expected numbers below the header; begin other lines "
         "with #"
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 
 from ..context import Context
-from ..device.checks import InputError, finite, not_negative, positive, said
+from ..device.checks import InputError, finite, not_negative, positive, show
 from ..device.clock import Schedule, factor_schedule
 from ..device.fields import Array
 from ..device.launches import Stage
@@ -119,7 +119,7 @@ class EnclosedGas(Enclosed):
         finite("EnclosedGas.gauge", self.gauge)
         if np.ndim(self.ambient):
             raise InputError(
-                f"EnclosedGas.ambient = {said(self.ambient)}: expected one number, the pressure outside at the start; "
+                f"EnclosedGas.ambient = {show(self.ambient)}: expected one number, the pressure outside at the start; "
                 "a Pressure acts like its fall since then, Pressure(fall, ramp=[(0, 0), (duration, 1)])"
             )
         not_negative("EnclosedGas.ambient", self.ambient)

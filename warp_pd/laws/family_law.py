@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 
 from ..context import Context
-from ..device.checks import InputError, said
+from ..device.checks import InputError, show
 from ..device.fields import Array
 from ..device.launches import Stage
 from ..families import Families, notes_on_folds, pack
@@ -32,7 +32,7 @@ def require_one_material(sheet: Sheet, what: str) -> None:
     if sheet.stiffness is not None:
         raise InputError(f"sheet.stiffness: expected a uniform sheet with {what}")
     if sheet.factors is not None:
-        raise InputError(f"sheet.thickness = {said(sheet.thickness)}: expected one number with {what}")
+        raise InputError(f"sheet.thickness = {show(sheet.thickness)}: expected one number with {what}")
 
 
 def refuse_partition(law: Law) -> None:

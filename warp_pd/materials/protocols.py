@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, Protocol
 
-from ..device.checks import InputError, finite, said
+from ..device.checks import InputError, finite, show
 
 if TYPE_CHECKING:
     from ..kernels.numeric import FunctionFactory, PairFactory, PairwiseFactory
@@ -112,7 +112,7 @@ def check_material(material: Any, kind: str, name: str = "material") -> None:
     """Check that a material is of the kind "functions" (continuum) or "pairwise", and check its constants."""
     example = {"functions": "NeoHookean(mu, bulk)", "pairwise": "Bimodular(modulus)"}[kind]
     if isinstance(material, type) or not hasattr(material, kind):
-        raise InputError(f"{name} = {said(material)}: expected a material such as {example} with this law")
+        raise InputError(f"{name} = {show(material)}: expected a material such as {example} with this law")
     padded_constants(material)
 
 

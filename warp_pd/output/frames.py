@@ -12,7 +12,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from ..device.checks import InputError, one_of, said
+from ..device.checks import InputError, one_of, show
 from ..interfaces.frame import format_time
 from .vtkhdf import FrameFields, read_frame, read_series
 
@@ -71,7 +71,7 @@ class Frames(Sequence[SavedFrame]):
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         if not isinstance(path, str | os.PathLike):
-            raise InputError(f"path = {said(path)}: expected the folder of a run, or its {FILE}")
+            raise InputError(f"path = {show(path)}: expected the folder of a run, or its {FILE}")
         found = Path(path)
         self.path = found / FILE if found.is_dir() else found
         if not self.path.is_file():
@@ -139,4 +139,4 @@ class Frames(Sequence[SavedFrame]):
         try:
             return np.stack([frame.fields[field][points] for frame in self])
         except IndexError:
-            raise InputError(f"points = {said(points)}: expected indices of {self.points} points") from None
+            raise InputError(f"points = {show(points)}: expected indices of {self.points} points") from None

@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 
 from ..context import Context
-from ..device.checks import InputError, count, evaluate, numbers, one_of, point_indices, said, vector
+from ..device.checks import InputError, count, evaluate, numbers, one_of, point_indices, show, vector
 from ..device.clock import Schedule, schedule
 from ..device.launches import Stage
 from ..geometry.sheet import Sheet
@@ -59,9 +59,9 @@ class Fixed(Support):
     def __post_init__(self) -> None:
         names = self.components
         if not isinstance(names, str) or not names or set(names) - set(AXES) or len(set(names)) < len(names):
-            raise InputError(f"Fixed.components = {said(names)}: expected distinct letters from 'xyz'")
+            raise InputError(f"Fixed.components = {show(names)}: expected distinct letters from 'xyz'")
         if one_of("Fixed.slope", self.slope, (True, False)) and len(names) < len(AXES):
-            raise InputError(f"Fixed.slope = True with components = {said(names)}: expected 'xyz'")
+            raise InputError(f"Fixed.slope = True with components = {show(names)}: expected 'xyz'")
 
     def constraints(self, sheet: Sheet) -> Sequence[Constraint]:
         """The held components. Raises InputError if a point does not exist, or for slopes of a prestretched sheet."""
@@ -120,7 +120,7 @@ class Motion(Support):
         listed = np.flatnonzero(listed) if listed.dtype == bool else listed.ravel()
         if len(points) != len(listed) or len(paths) != len(listed):
             raise InputError(
-                f"Motion.points = {said(self.points)}: expected {len(paths)} different points, one for each path, "
+                f"Motion.points = {show(self.points)}: expected {len(paths)} different points, one for each path, "
                 f"got {len(points)}"
             )
         shared = np.unique([path.values.ravel() for path in paths], axis=0, return_inverse=True)[1].ravel()
@@ -153,7 +153,7 @@ class Motion(Support):
         axis = np.array(vector("Motion.axis", self.axis, 3))
         length = float(np.linalg.norm(axis))
         if length == 0.0:
-            raise InputError(f"Motion.axis = {said(self.axis)}: expected a direction, such as (0, 0, 1)")
+            raise InputError(f"Motion.axis = {show(self.axis)}: expected a direction, such as (0, 0, 1)")
         return Turn(self._in_time({"angle": self.angle})[0], np.array(vector("Motion.about", about, 3)), axis / length)
 
     def _in_time(self, values: Mapping[str, Any]) -> list[Schedule]:

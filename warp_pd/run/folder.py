@@ -14,7 +14,7 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..device.checks import InputError, one_of, said
+from ..device.checks import InputError, one_of, show
 from ..output.background import as_output_error
 from ..output.info import read_summary
 
@@ -60,7 +60,7 @@ def writable_folder(out: str | Path | None, resume: bool, overwrite: bool = Fals
     if resume and overwrite:
         raise InputError("resume = True, overwrite = True: expected at most one of them")
     if out is not None and not isinstance(out, str | Path):
-        raise InputError(f"out = {said(out)}: expected a folder or None")
+        raise InputError(f"out = {show(out)}: expected a folder or None")
     if out is None:
         if resume:
             raise InputError("resume = True: expected `out` to be a folder with a restart file")

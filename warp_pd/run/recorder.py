@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
-from ..device.checks import InputError, count, kind_and_text, said, user_code
+from ..device.checks import InputError, count, kind_and_text, show, user_code
 from ..device.fields import Array
 from ..device.version import __version__
 from ..geometry.triangulation import CoarseLattice, lattice_triangles
@@ -596,4 +596,4 @@ def number_of(item: Reported, *arguments: Any) -> float | None:
             raise TypeError("text")
         return None if value is None else float(value)
     except (TypeError, ValueError) as error:
-        raise InputError(f"it returned {said(value)}: expected a number") from error
+        raise InputError(f"it returned {show(value)}: expected a number") from error

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device.checks import InputError, kind_and_text, said, user_code
+from ..device.checks import InputError, kind_and_text, show, user_code
 from ..device.fields import host_shape
 from ..output.background import as_output_error
 from .built import Built
@@ -196,7 +196,7 @@ def _require_sound(where: str, numbers: dict[str, Any]) -> None:
     for name, kind in {**dict.fromkeys(("parts", "settings", "sources", "own", "solver"), dict), **NUMBERS}.items():
         found = numbers.get(name, ...)
         if not isinstance(found, kind) or (name in FINITE and not math.isfinite(found)):
-            raise InputError(f"{where}: the file is damaged: {name} = {'missing' if found is ... else said(found)}")
+            raise InputError(f"{where}: the file is damaged: {name} = {'missing' if found is ... else show(found)}")
     codes = all(isinstance(code, list) and [type(text) for text in code] == [str, str] for code in numbers["codes"])
     missing = all(
         isinstance(found, dict) and {"frames", "why"} <= found.keys() for found in numbers["missing"].values()

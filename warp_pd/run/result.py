@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..device import kernel_cache
-from ..device.checks import InputError, count, said
+from ..device.checks import InputError, count, show
 from ..device.version import __version__
 from ..interfaces import History
 from ..interfaces.frame import Frame
@@ -40,7 +40,7 @@ def short(part: Any) -> str:
     if isinstance(part, float):
         return f"{part:.6g}"
     if not is_dataclass(part) or isinstance(part, type):
-        return said(part)
+        return show(part)
     shown: list[str] = []
     for each in fields(part):
         value = getattr(part, each.name)
@@ -317,7 +317,7 @@ def summary_of(recorder: Recorder, status: str, message: str, seconds: Seconds) 
         "device": str(context.device.name),
         "precision": context.bits,
         "force": type(scene.force).__name__,
-        "material": said(scene.force.material),
+        "material": show(scene.force.material),
         "thickness": _range(context.whole.thickness),
         "density": _range(context.whole.density),
         "spacing": context.sheet.spacing,

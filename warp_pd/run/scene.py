@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..device.checks import InputError, finite, implements, numbers, said
+from ..device.checks import InputError, finite, implements, numbers, show
 from ..geometry.regions import Region
 from ..geometry.sheet import Sheet
 from ..interfaces import Contact, History, Law, Part, Rupture, Solver, Writer
@@ -22,7 +22,7 @@ def check_writers(writers: Sequence[Any]) -> None:
     for index, writer in enumerate(writers):
         if isinstance(writer, type) or not isinstance(writer, Writer):
             raise InputError(
-                f"writers[{index}] = {said(writer)}: expected a Writer with the methods write, save and close"
+                f"writers[{index}] = {show(writer)}: expected a Writer with the methods write, save and close"
             )
 
 
@@ -51,10 +51,10 @@ class Reported:
         """Check the function, the unit and the reference."""
         what = f"{type(self).__name__} {self.name!r}"
         if not callable(self.value):
-            raise InputError(f"{what}: value = {said(self.value)}: expected a function")
+            raise InputError(f"{what}: value = {show(self.value)}: expected a function")
         if not _takes(self.value, len(self.arguments)):
             expected = ", ".join(self.arguments)
-            raise InputError(f"{what}: value = {said(self.value)}: expected a function of ({expected})")
+            raise InputError(f"{what}: value = {show(self.value)}: expected a function of ({expected})")
         if not isinstance(self.unit, str):
             raise InputError(f"{what}: unit = {self.unit!r}: expected text")
         if self.reference is not None:
@@ -184,26 +184,26 @@ class Scene:
         )
         if isinstance(self.contact, str) or not isinstance(self.contact, Contact | Sequence | None):
             raise InputError(
-                f"contact = {said(self.contact)}: expected a RigidBall, a RigidBody, a SelfContact, a list, or None"
+                f"contact = {show(self.contact)}: expected a RigidBall, a RigidBody, a SelfContact, a list, or None"
             )
         for name, part, kind, words in expected:
             if not implements(part, kind):
-                raise InputError(f"{name} = {said(part)}: expected {words}")
+                raise InputError(f"{name} = {show(part)}: expected {words}")
         lists: tuple[tuple[str, Any, Any], ...] = (
             ("loads", self.loads, Part), ("contact", self.contacts, Contact), ("measures", self.measures, Measure),
             ("outcomes", self.outcomes, Outcome),
         )  # fmt: skip
         for name, parts, kind in lists:
             if not isinstance(parts, Sequence) or isinstance(parts, str):
-                raise InputError(f"{name} = {said(parts)}: expected a list of {name}")
+                raise InputError(f"{name} = {show(parts)}: expected a list of {name}")
             for index, part in enumerate(parts):
                 if not implements(part, kind):
-                    raise InputError(f"{name}[{index}] = {said(part)}: expected an instance of {kind.__name__}")
+                    raise InputError(f"{name}[{index}] = {show(part)}: expected an instance of {kind.__name__}")
         if self.pictures is not None and not callable(self.pictures):
-            raise InputError(f"pictures = {said(self.pictures)}: expected a function (history, folder) or None")
+            raise InputError(f"pictures = {show(self.pictures)}: expected a function (history, folder) or None")
         for names in (self.fields, self.chosen_fields or ()):
             if isinstance(names, str) or not all(isinstance(name, str) for name in names):
-                raise InputError(f"fields = {said(names)}: expected a list of names")
+                raise InputError(f"fields = {show(names)}: expected a list of names")
         given = [
             *(("loads", part) for part in self.loads), *(("contact", part) for part in self.contacts),
             ("damage", self.damage),

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device.checks import InputError, positions, said
+from ..device.checks import InputError, positions, show
 from .curves import Spacing, spread_on_segment
 from .lines import Line, polygon
 
@@ -62,7 +62,7 @@ def _corners(name: str, path: Any) -> np.ndarray:
 
     corners = positions(name, path, 2)
     if not (np.linalg.norm(np.diff(corners, axis=0), axis=1) > 0.0).all():
-        raise InputError(f"{name} = {said(corners.tolist())}: expected two or more distinct points")
+        raise InputError(f"{name} = {show(corners.tolist())}: expected two or more distinct points")
     line = shapely.LineString(corners)
     if not line.is_simple:
         raise InputError(f"{name} crosses itself: expected a line that does not")
@@ -81,7 +81,7 @@ def _clipped(name: str, corners: np.ndarray, sheet: Any, at: Spacing) -> tuple[n
     longest = max((piece.length for piece in pieces), default=0.0)
     pieces = [piece for piece in pieces if piece.length > 1e-6 * longest]
     if len(pieces) != 1:
-        raise InputError(f"{name} = {said(corners.tolist())}: expected a line that enters the sheet only once")
+        raise InputError(f"{name} = {show(corners.tolist())}: expected a line that enters the sheet only once")
     clipped = np.array(pieces[0].coords)
     if line.project(shapely.Point(clipped[0])) > line.project(shapely.Point(clipped[-1])):
         clipped = clipped[::-1]
@@ -104,7 +104,7 @@ def _clipped(name: str, corners: np.ndarray, sheet: Any, at: Spacing) -> tuple[n
     touching = shapely.distance(shapely.points(np.vstack([middle, clipped[1:-1]])), edge)
     if (touching <= ON_EDGE * at(np.vstack([middle, clipped[1:-1]]))).any():
         raise InputError(
-            f"{name} = {said(corners.tolist())}: expected a line inside the sheet that touches the edge only with its "
+            f"{name} = {show(corners.tolist())}: expected a line inside the sheet that touches the edge only with its "
             "ends"
         )
     return clipped, (mouths[0], mouths[1])

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..device.checks import InputError, positions, positive, said, vector
+from ..device.checks import InputError, positions, positive, show, vector
 
 # Spacing [m] at points of shape (P, 2), shape (P,).
 Spacing = Callable[[np.ndarray], np.ndarray]
@@ -138,7 +138,7 @@ def as_curve(name: str, given: Any) -> Curve:
     """Convert a user's argument (a curve, a function of t, or corners) to a curve."""
     if isinstance(given, type | str) or given is None:
         raise InputError(
-            f"{name} = {said(given)}: expected a Polygon, Circle or Spline, a function of t, or corners of shape (C, 2)"
+            f"{name} = {show(given)}: expected a Polygon, Circle or Spline, a function of t, or corners of shape (C, 2)"
         )
     if hasattr(given, "sampled"):
         return given  # type: ignore[no-any-return]

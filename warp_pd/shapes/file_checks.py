@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device.checks import MAX_SHOWN, InputError, one_of, positive, said
+from ..device.checks import MAX_SHOWN, InputError, one_of, positive, show
 
 METERS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 0.0254}
 UNITS = f"expected {', '.join(repr(name) for name in METERS)} or a number of meters"
@@ -21,7 +21,7 @@ UNITS = f"expected {', '.join(repr(name) for name in METERS)} or a number of met
 def existing_file(path: Any) -> Path:
     """Convert to a Path and check that the file exists."""
     if not isinstance(path, str | os.PathLike):
-        raise InputError(f"path = {said(path)}: expected the path of a file")
+        raise InputError(f"path = {show(path)}: expected the path of a file")
     found = Path(path)
     if not found.is_file():
         what = "expected a file, not a folder" if found.is_dir() else "the file does not exist"

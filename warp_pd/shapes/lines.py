@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device.checks import InputError, positions, said, user_code, vector
+from ..device.checks import InputError, positions, show, user_code, vector
 from .curves import Spacing, as_curve
 
 Named = Mapping[str, Any] | Sequence[Any]
@@ -50,14 +50,14 @@ def named(kind: str, given: Any) -> list[tuple[str, Any]]:
     if isinstance(given, Mapping):
         for name in given:
             if not isinstance(name, str) or not name.strip():
-                raise InputError(f"{kind}s: the name {said(name)}: expected text")
+                raise InputError(f"{kind}s: the name {show(name)}: expected text")
         return list(given.items())
     one = "polyline" if kind == "crack" else "curve"
     expected = f"expected a list of {one}s, or a mapping of names to {one}s"
     if isinstance(given, str) or not isinstance(given, Sequence | np.ndarray):
-        raise InputError(f"{kind}s = {said(given)}: {expected}")
+        raise InputError(f"{kind}s = {show(given)}: {expected}")
     if len(given) and all(_is_point(entry) for entry in given):
-        raise InputError(f"{kind}s = {said(given)}: {expected}, got one {one}; write [{one}]")
+        raise InputError(f"{kind}s = {show(given)}: {expected}, got one {one}; write [{one}]")
     return [(f"{kind} {number + 1}", curve) for number, curve in enumerate(given)]
 
 

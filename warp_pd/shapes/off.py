@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device.checks import InputError, said
+from ..device.checks import InputError, show
 from .usd_mesh import Faces
 
 # Before OFF: texture coordinates, colours or normals of the vertices, which follow their coordinates.
@@ -27,10 +27,10 @@ def read_off(path: Path) -> Faces:
     number, words = next(lines, (1, []))
     if words and not words[0].isdigit():
         if not HEADER.fullmatch(words[0]) or "BINARY" in words:
-            raise InputError(f"{where}: line {number}: {said(' '.join(words))}: expected OFF, and a file of text in 3D")
+            raise InputError(f"{where}: line {number}: {show(' '.join(words))}: expected OFF, and a file of text in 3D")
         number, words = (number, words[1:]) if words[1:] else next(lines, (number, []))
     if len(words) < 2 or not all(word.isdigit() for word in words):
-        raise InputError(f"{where}: line {number}: {said(' '.join(words))}: expected the numbers of vertices and faces")
+        raise InputError(f"{where}: line {number}: {show(' '.join(words))}: expected the numbers of vertices and faces")
     counts = int(words[0]), int(words[1])
     points = _read(where, lines, counts[0], _vertex, "three coordinates")
     read = _read(where, lines, counts[1], _face, "the number of its corners, and the corners")
@@ -62,7 +62,7 @@ def _read(
         try:
             found.append(convert(words))
         except ValueError:
-            raise InputError(f"{where}: line {number}: {said(' '.join(words))}: expected {wanted}") from None
+            raise InputError(f"{where}: line {number}: {show(' '.join(words))}: expected {wanted}") from None
     return found
 
 

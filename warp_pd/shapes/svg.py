@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from ..device.checks import InputError, one_of, positive, said, user_code
+from ..device.checks import InputError, one_of, positive, show, user_code
 from .curves import Spacing, spread_evenly, spread_on_curve
 from .file_checks import METERS, UNITS, existing_file, library_reads, meters
 from .svg_tree import PHYSICAL, PIXEL, Document, Drawn, unreadable
@@ -100,7 +100,7 @@ def read_outline(
     file = existing_file(path)
     tolerance = positive("tolerance", tolerance)
     if unit is None or (isinstance(unit, str) and unit not in (*METERS, "document")):
-        raise InputError(f"unit = {said(unit)}: {UNITS}, or 'document' for the physical size of the file")
+        raise InputError(f"unit = {show(unit)}: {UNITS}, or 'document' for the physical size of the file")
     where = f"path = {str(file)!r}"
     with library_reads(file):
         document = _parsed(where, file)

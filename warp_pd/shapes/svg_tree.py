@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device.checks import InputError, said, user_code
+from ..device.checks import InputError, show, user_code
 
 # Physical units of lengths in SVG [m], and a user unit of a file without a viewBox (CSS Values and Units, section 6.2).
 PHYSICAL = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254, "pt": 0.0254 / 72.0, "pc": 0.0254 / 6.0, "q": 0.25e-3}
@@ -166,7 +166,7 @@ class Document:
         """Everything that shows, in the order of the file."""
         style, box = self._styles.of(self.root), self.box()
         if style.get("transform", "none").strip() not in ("none", ""):
-            raise InputError(f"{self.where}: svg has transform = {said(style['transform'])}: expected it on a group")
+            raise InputError(f"{self.where}: svg has transform = {show(style['transform'])}: expected it on a group")
         place = _Place(np.eye(3), (None, None))
         size = box[2:] if box else tuple(self._root_length(text) for text in self.size())
         inner = self._inherited(self.root, style, replace(place, size=(size[0], size[1])))
@@ -181,7 +181,7 @@ class Document:
             return None
         numbers = _numbers(text) or []
         if len(numbers) != 4 or min(numbers[2:]) < 0.0:
-            raise InputError(f"{self.where}: {_label(element)}: viewBox = {said(text)}: expected x, y, width, height")
+            raise InputError(f"{self.where}: {_label(element)}: viewBox = {show(text)}: expected x, y, width, height")
         return tuple(numbers)
 
     def _length(self, name: str, of: str, text: str, whole: float | None) -> float:
@@ -190,11 +190,11 @@ class Document:
         unit = found[2].lower() if found else "?"
         if unit == "%" and whole is None:
             raise InputError(
-                f"{self.where}: {name}: {of} = {said(text)}: expected a number; the drawing has no viewBox"
+                f"{self.where}: {name}: {of} = {show(text)}: expected a number; the drawing has no viewBox"
             )
         if found is None or unit not in FACTORS or not math.isfinite(float(found[1])):
             raise InputError(
-                f"{self.where}: {name}: {of} = {said(text)}: expected a length in px, %, {', '.join(PHYSICAL)}"
+                f"{self.where}: {name}: {of} = {show(text)}: expected a length in px, %, {', '.join(PHYSICAL)}"
             )
         return float(found[1]) * (FACTORS[unit] if whole is None or unit != "%" else whole / 100.0)
 
@@ -255,12 +255,12 @@ class Document:
         name = _label(element)
         for word in NOT_READ:
             if word in style:
-                raise InputError(f"{self.where}: {name} has {word} = {said(style[word])}: expected transform alone")
+                raise InputError(f"{self.where}: {name} has {word} = {show(style[word])}: expected transform alone")
         transform = style.get("transform", "none").strip()
         if transform not in ("none", ""):
             origin = style.get("transform-origin", "0 0").strip()
             if origin not in ("0", "0 0", "0px 0px") or "transform-box" in style:
-                raise InputError(f"{self.where}: {name} has transform-origin = {said(origin)}: expected 0 0")
+                raise InputError(f"{self.where}: {name} has transform-origin = {show(origin)}: expected 0 0")
             matrix = self._matrix(name, transform)
             if np.linalg.det(matrix) == 0.0:
                 return None
@@ -282,7 +282,7 @@ class Document:
         found = re.fullmatch(r"""url\(\s*['"]?#([^'")]+)['"]?\s*\)""", text)
         element = self._named.get(found[1]) if found else None
         if element is None or tag_of(element) != "clipPath":
-            raise InputError(f"{self.where}: {name} has clip-path = {said(text)}: expected url(#...) of a clipPath")
+            raise InputError(f"{self.where}: {name} has clip-path = {show(text)}: expected url(#...) of a clipPath")
         style = self._styles.of(element)
         if element.get("clipPathUnits", "userSpaceOnUse") != "userSpaceOnUse":
             raise InputError(f"{self.where}: {_label(element)}: expected one in user units")
@@ -304,7 +304,7 @@ class Document:
             made = None if found is None or numbers is None else _transform(found[1], numbers)
             if made is None:
                 raise InputError(
-                    f"{self.where}: {name} has transform = {said(text)}: expected matrix, translate, scale, rotate, "
+                    f"{self.where}: {name} has transform = {show(text)}: expected matrix, translate, scale, rotate, "
                     "skewX and skewY of numbers"
                 )
             matrix, at = matrix @ made, found.end() if found else at
@@ -332,7 +332,7 @@ class Document:
             return replace(place.moved(_shift(x, y)), size=(width, height))
         fit = _fit(width, height, box, element.get("preserveAspectRatio", ""))
         if fit is None:
-            said_fit = said(element.get("preserveAspectRatio"))
+            said_fit = show(element.get("preserveAspectRatio"))
             raise InputError(
                 f"{self.where}: {name}: preserveAspectRatio = {said_fit}: expected such as 'xMidYMid meet'"
             )
@@ -343,7 +343,7 @@ class Document:
         target, name = self._target(element), _label(element)
         if target is None:
             raise InputError(
-                f"{self.where}: {name} has href = {said(_link(element))}: expected # and the id of an element here"
+                f"{self.where}: {name} has href = {show(_link(element))}: expected # and the id of an element here"
             )
         x, y = self._lengths(element, style, place, {"x": "0", "y": "0"})
         size = {key: style[key] for key in ("width", "height") if style.get(key, "auto").strip() != "auto"}
@@ -503,7 +503,7 @@ class _Styles:
                 found = SELECTOR.fullmatch(selector.strip())
                 if found is None or not selector.strip() or media or "@media" in text:
                     raise InputError(
-                        f"{where}: the style sheet sets {next(iter(properties))} of {said(selector.strip())}: expected "
+                        f"{where}: the style sheet sets {next(iter(properties))} of {show(selector.strip())}: expected "
                         "selectors of a tag, classes and an id"
                     )
                 words = re.findall(r"[.#][\w-]+", found[2])

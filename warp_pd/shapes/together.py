@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device.checks import InputError, of_kind, point_indices, said
+from ..device.checks import InputError, of_kind, point_indices, show
 from ..geometry.sheet import edge_names
 from ..geometry.triangulation import crowded_edges, doubled_normals, neighbours
 from .clouds import cloud
@@ -124,7 +124,7 @@ def glued(first: Sheet, edge: Any, second: Sheet, other_edge: Any, place: Place 
         except InputError as error:
             raise InputError(f"glued: {name}: {error}") from None
         if np.ndim(points) == 0:
-            raise InputError(f"glued: edge of {name} = {said(given)}: expected a name or point indices")
+            raise InputError(f"glued: edge of {name} = {show(given)}: expected a name or point indices")
         edges.append(point_indices(f"glued: edge of {name}", points, sheet.size))
     here, there = first.positions, second.positions if place is None else place.of(second.positions)
     seam, other = edges[0], _matched(here[edges[0]], there[edges[1]], first.spacing, edges[1])

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..device.checks import InputError, said
+from ..device.checks import InputError, show
 from .usd_mesh import Faces
 
 
@@ -34,7 +34,7 @@ def read_wavefront(path: Path) -> Faces:
                 lines += 1
         except ValueError:
             where = f"path = {str(path)!r}: the file cannot be read: line {number}"
-            raise InputError(f"{where}: {said(' '.join(words))}: expected numbers") from None
+            raise InputError(f"{where}: {show(' '.join(words))}: expected numbers") from None
         if words[0] == "o":
             current["o"] = [" ".join(words[1:])] if words[1:] else []
         elif words[0] == "g":

@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 
 from ..context import Context
-from ..device.checks import InputError, finite, implements, numbers, point_indices, positive, said, vector
+from ..device.checks import InputError, finite, implements, numbers, point_indices, positive, show, vector
 from ..device.clock import Schedule
 from ..device.fields import Array
 from ..device.launches import Stage
@@ -71,7 +71,7 @@ class Slit:
         """Begin and end [s], shape (2,)."""
         span = np.atleast_1d(numbers("Slit.at", self.at))
         if span.shape not in ((1,), (2,)) or span[0] < 0.0 or span[-1] < span[0]:
-            raise InputError(f"Slit.at = {said(self.at)}: expected a time, or two in order, from 0 on")
+            raise InputError(f"Slit.at = {show(self.at)}: expected a time, or two in order, from 0 on")
         return np.array([span[0], span[-1]])
 
     def first(self) -> float:
@@ -129,11 +129,11 @@ class Seam:
         try:
             at = np.asarray(self.at, float)
         except (TypeError, ValueError):
-            raise InputError(f"Seam.at = {said(self.at)}: expected times from 0 on") from None
+            raise InputError(f"Seam.at = {show(self.at)}: expected times from 0 on") from None
         if at.ndim == 0:
             finite("Seam.at", self.at)
         if at.size == 0 or np.isnan(at).any() or (at < 0.0).any() or at.ndim > 1:
-            raise InputError(f"Seam.at = {said(self.at)}: expected times from 0 on")
+            raise InputError(f"Seam.at = {show(self.at)}: expected times from 0 on")
 
     def first(self) -> float:
         """Time at which it begins to open [s]."""
@@ -207,10 +207,10 @@ class CutsInTime(Rupture):
 
     def __post_init__(self) -> None:
         if not self.each or not all(isinstance(cut, (Slit, Seam, Punch)) for cut in self.each):
-            raise InputError(f"CutsInTime.cuts = {said(self.cuts)}: expected a Slit, Seam or Punch, or a list of them")
+            raise InputError(f"CutsInTime.cuts = {show(self.cuts)}: expected a Slit, Seam or Punch, or a list of them")
         if not implements(self.beside, Rupture | None) or isinstance(self.beside, CutsInTime):
             raise InputError(
-                f"CutsInTime.beside = {said(self.beside)}: expected a criterion, such as TearingEnergy, or None"
+                f"CutsInTime.beside = {show(self.beside)}: expected a criterion, such as TearingEnergy, or None"
             )
 
     @property
@@ -246,7 +246,7 @@ class CutsInTime(Rupture):
         built = NothingElse(OWNER, self, context, law) if self.beside is None else self.beside.build(context, law)
         if not isinstance(built, Damaged):
             raise InputError(
-                f"CutsInTime.beside = {said(self.beside)}: expected a criterion whose `build` returns a Damaged, as "
+                f"CutsInTime.beside = {show(self.beside)}: expected a criterion whose `build` returns a Damaged, as "
                 "that of BondCriterion does"
             )
         built.opening = OpeningCuts(self, context, law, built.released)
@@ -329,4 +329,4 @@ class OpeningCuts:
     def notes(self, history: History) -> list[str]:
         """Notes on cuts that the run has not reached."""
         late = [cut for cut in self.rupture.each if cut.first() * (1.0 - EARLY) > history[-1]["time"]]
-        return [f"{said(cut)} has not opened: the run ended at {history[-1]['time']:.3g} s" for cut in late]
+        return [f"{show(cut)} has not opened: the run ended at {history[-1]['time']:.3g} s" for cut in late]

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device.checks import InputError, OutputError, one_of, positive, said
+from ..device.checks import InputError, OutputError, one_of, positive, show
 from ..output.vtkhdf import read_series
 from .default_pictures import telling_field
 from .painter import ColourScale, scale_of
@@ -126,4 +126,4 @@ def _by_ffmpeg(path: Path, pictures: Iterator[bytes], rate: float) -> None:
     even = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", str(path)]
     done = subprocess.run([*command, *even], input=b"".join(pictures), capture_output=True, check=False)
     if done.returncode:
-        raise OutputError(f"{str(path)!r}: ffmpeg failed: {said(done.stderr.decode(errors='replace').strip()[-200:])}")
+        raise OutputError(f"{str(path)!r}: ffmpeg failed: {show(done.stderr.decode(errors='replace').strip()[-200:])}")

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device.checks import InputError, finite, said
+from ..device.checks import InputError, finite, show
 from ..geometry.triangulation import numbers_of_ranges
 from .pictures import Shown
 
@@ -68,7 +68,7 @@ class View:
             c, sign, level = "xyz".index(name or "?"), 1.0 if side == ">" else -1.0, finite("cut", float(value))
         except ValueError:
             raise InputError(
-                f"cut = {said(away)}: expected x, y or z, < or >, and a number [m], such as 'y<0.05'"
+                f"cut = {show(away)}: expected x, y or z, < or >, and a number [m], such as 'y<0.05'"
             ) from None
         return sign * np.append(self.axes[:, c] / self.grown[c], level - self.low[c])
 

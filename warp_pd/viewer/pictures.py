@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device.checks import InputError, OutputError, said
+from ..device.checks import InputError, OutputError, show
 from ..geometry.triangulation import joined_points
 from ..interfaces.frame import format_time
 from ..output.vtkhdf import FrameFields, read_frame, read_outlines, read_series
@@ -118,7 +118,7 @@ def enlarged(factors: np.ndarray) -> list[str]:
 def target(path: Any) -> Path:
     """Check the path of a picture. Raises InputError if it cannot be written."""
     if not isinstance(path, str | os.PathLike):
-        raise InputError(f"path = {said(path)}: expected the path of a picture or None")
+        raise InputError(f"path = {show(path)}: expected the path of a picture or None")
     found = Path(path)
     if found.suffix.lower()[1:] not in FORMATS:
         raise InputError(

@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 
 from ..context import Context
-from ..device.checks import InputError, not_negative, positive, said
+from ..device.checks import InputError, not_negative, positive, show
 from ..device.fields import Array, assign, to_host
 from ..device.launches import Stage
 from ..implicit.internal_variables import InternalVariables, internal_variables_of
@@ -71,7 +71,7 @@ class Visco(BondAssociated):
         if self.branches and self.prony:
             raise InputError(f"prony = {self.prony!r}: expected () with branches")
         if self.branches and known.goes_slack and (known.resisting is None or known.response is None):
-            raise InputError(f"material = {said(self.material)}: expected a TensionField of a material with `response`")
+            raise InputError(f"material = {show(self.material)}: expected a TensionField of a material with `response`")
         if self.branches and known.slack_stiffness > 0.0:
             raise InputError(f"slack_stiffness = {known.slack_stiffness:.6g}: expected 0 with branches")
         if self.weights == "published":
@@ -271,7 +271,7 @@ def _(law: BranchedForce) -> InternalVariables:
 
 
 def _no_response(material: Any) -> InputError:
-    return InputError(f"force = Visco: material = {said(material)}: expected `response` for the solver Implicit")
+    return InputError(f"force = Visco: material = {show(material)}: expected `response` for the solver Implicit")
 
 
 # Relaxation time [s] for the step to the initial displacement: so long that nothing relaxes.
