@@ -141,14 +141,23 @@ def test_bodies_that_overlap_are_noted(apart, overlap):
     assert all(said in note for note in found)
 
 
-def test_energy_that_contact_creates_is_noted_with_its_body_and_time():
-    """A ball that presses the sheet into a box throws points that both of them push."""
-    box = RigidBody(Box((0.06, 0.06, 0.04)), BodyPath.still((0.05, 0.05, -0.0202)), name="box")
-    path = BodyPath.straight((0.05, 0.05, 0.0202), (0.0, 0.0, -0.5), duration=0.04)
-    ball = RigidBody(Sphere(0.04), path, name="ball")
-    found = [note for note in notes([box, ball]) if "created" in note]
-    assert any("RigidBody 'box' created an energy of" in note and " s: box_loss fell" in note for note in found)
-    assert not any("created" in note for note in notes(ball))
+def pressed_together(gap, **options):
+    """Notes of a ball that presses the sheet towards a box, up to a gap between them [m]."""
+    box = RigidBody(Box((0.06, 0.06, 0.04)), BodyPath.still((0.05, 0.05, -0.025)), name="box")
+    end = 0.015 + gap
+    path = BodyPath([0.0, 2.0 * (0.0202 - end)], [(0.05, 0.05, 0.0202), (0.05, 0.05, end)])
+    bodies = [RigidBody(Sphere(0.04), path, name="ball"), box]
+    return [note for note in notes(bodies, points=21, **options) if "created" in note or "overlap" in note]
+
+
+def test_bodies_create_energy_only_where_they_overlap():
+    """Two that do push points to and fro: what one loses the other gains, until points are thrown out."""
+    assert pressed_together(1e-5) == []
+    (overlap,) = pressed_together(-0.0025)
+    assert "overlap" in overlap
+    created, _ = pressed_together(-0.015)
+    assert "created an energy of" in created and "'ball'" in created and "'box'" in created
+    assert " s: the sum of ball_loss and box_loss fell" in created
 
 
 @pytest.mark.parametrize(("losses", "energy"), [
@@ -157,6 +166,9 @@ def test_energy_that_contact_creates_is_noted_with_its_body_and_time():
 ])  # fmt: skip
 def test_a_loss_that_falls_is_energy_created(losses, energy):
     history = [{"time": 0.1 * k, "half_step_kinetic": 1.0, "strain": 5.0, "box_loss": x} for k, x in enumerate(losses)]
-    found = created(history, "box")
+    found = created(history, ["box"])
     assert (found and found[0]) == (energy and pytest.approx(energy))
     assert found is None or found[2:] == (0.1, 0.2)
+    # Another body takes what it gives.
+    taken = [{**row, "ball_loss": -row["box_loss"]} for row in history]
+    assert created(taken, ["box", "ball"]) is None

@@ -18,7 +18,7 @@ from ..interfaces import BuiltContact, BuiltLaw, BuiltPart, Columns, Contact, Hi
 from ..interfaces.frame import Body
 from ..kernels.contact.body_contact import point_contact
 from ..step import Phase
-from .body_checks import MIN_DIAMETER, BodyChecks, created
+from .body_checks import MIN_DIAMETER, BodyChecks
 from .body_motion import UNBOUNDED, BodyMotion, jump_notes, origin_of
 from .body_shapes import BodyShape, in_frame, on_device, signed_distances
 
@@ -247,23 +247,11 @@ class BuiltBody(BuiltContact):
         return StepLimit(furthest / speed, f"in which {self.part.name!r} and the sheet move {furthest:.3g} m")
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
-        """Notes on a body that never touched the sheet, created energy, or rubs with edges that are not resolved."""
+        """Notes on a body that never touched the sheet, or rubs with edges that are not resolved."""
         if untouched := self._untouched(history):
             return [untouched]
         jumps = jump_notes(self.label, self.part.motion, history)
-        return [*jumps, *self._created(history), *(self._caught(history) if self._rubs else [])]
-
-    def _created(self, history: History) -> list[str]:
-        name = self.part.name
-        found = created(history, name) if f"{name}_loss" in history[0] else None
-        if found is None:
-            return []
-        energy, there, begin, end = found
-        return [
-            f"{self.label} created an energy of {energy:.3g} J, where there were {there:.3g} J, most of it from "
-            f"{begin:.4g} to {end:.4g} s: {name}_loss fell. A point that two bodies push may get such energy: expected "
-            "room for the sheet between them; what came later is not to be trusted"
-        ]
+        return [*jumps, *(self._caught(history) if self._rubs else [])]
 
     def _caught(self, history: History) -> list[str]:
         """A note if a body with friction slid with edges that the spacing cannot resolve."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -55,20 +55,24 @@ class Solid(Protocol):
         ...
 
 
-def created(history: History, name: str) -> tuple[float, float, float, float] | None:
-    """Energy that contact with a body created: its loss is never negative, and falls only in small oscillations.
+def created(history: History, names: Sequence[str]) -> tuple[float, float, float, float] | None:
+    """Energy that contact with bodies created: their loss is never negative, and falls only in small oscillations.
+
+    It is their sum that counts: bodies that overlap push a point to and fro, and what one gives the other takes.
 
     Args:
-        history: Rows with the column NAME_loss.
-        name: Name of the body.
+        history: Rows with the columns NAME_loss.
+        names: Names of the bodies.
 
     Returns:
         The energy created [J], the energy there [J] (of motion, stored since the start, lost in this contact), and the
         times of the two frames between which most was created [s]; None if there is none.
     """
     stored = [sum(row.get(kind, 0.0) for kind in ("strain", "contact")) for row in history]
-    moving = [row.get("half_step_kinetic", 0.0) + row.get(f"{name}_kinetic", 0.0) for row in history]
-    loss = np.array([row[f"{name}_loss"] for row in history])
+    moving = [
+        row.get("half_step_kinetic", 0.0) + sum(row.get(f"{name}_kinetic", 0.0) for name in names) for row in history
+    ]
+    loss = np.array([sum(row[f"{name}_loss"] for name in names) for row in history])
     most = np.maximum.accumulate(np.maximum(loss, 0.0))
     there = np.maximum.accumulate(np.abs(moving) + np.abs(np.subtract(stored, stored[0])) + most)
     fallen = most - loss
@@ -136,8 +140,35 @@ class BodyChecks(BuiltPart):
     def notes(self, history: History, load_duration: float | None) -> list[str]:
         """Notes on the problems found, each with the time of its first occurrence."""
         _, *frames = self._found.numpy().tolist()
-        found = zip(self._texts.values(), frames, strict=True)
-        return [f"{text} (at {history[min(frame, len(history)) - 1]['time']:.4g} s)" for text, frame in found if frame]
+        found = {key: frame for key, frame in zip(self._texts, frames, strict=True) if frame}
+        times = {key: history[min(frame, len(history)) - 1]["time"] for key, frame in found.items()}
+        created = [note for labels in self._overlapping(found) for note in self._created(labels, history)]
+        return [*created, *(f"{self._texts[key]} (at {time:.4g} s)" for key, time in times.items())]
+
+    def _overlapping(self, found: Container[tuple[str, ...]]) -> list[list[str]]:
+        """Labels of the bodies, those together that have overlapped."""
+        groups = [[body.label] for body in self.bodies]
+        for one, other in self._independent():
+            if (one.label, other.label) in found:
+                met = [group for group in groups if {one.label, other.label} & set(group)]
+                groups = [group for group in groups if group not in met] + [[label for group in met for label in group]]
+        return groups
+
+    def _created(self, labels: Sequence[str], history: History) -> list[str]:
+        """A note if contact with bodies that push the same points created energy."""
+        names = {label: self._drawn[label].name for label in labels}
+        names = {label: name for label, name in names.items() if f"{name}_loss" in history[0]}
+        found = created(history, list(names.values())) if names else None
+        if found is None:
+            return []
+        energy, there, begin, end = found
+        losses = " and ".join(f"{name}_loss" for name in names.values())
+        fell = f"{losses} fell" if len(names) == 1 else f"the sum of {losses} fell"
+        return [
+            f"{' and '.join(names)} created an energy of {energy:.3g} J, where there were {there:.3g} J, most of it "
+            f"from {begin:.4g} to {end:.4g} s: {fell}. A point that two bodies push may get such energy: expected "
+            "room for the sheet between them; what came later is not to be trusted"
+        ]
 
     def _independent(self) -> list[tuple[Solid, Solid]]:
         """Pairs of bodies that do not feel each other."""
