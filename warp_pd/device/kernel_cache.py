@@ -39,6 +39,7 @@ def init_warp() -> None:
         _use_temporary(error)
     _keep_headers()
     _compile_once()
+    _leave_adjoints_out()
     _resolve_once()
 
 
@@ -54,6 +55,30 @@ def _compile_once() -> None:
         return
     # A name of Warp's own: a version without it does not look at what is set here.
     codegen.cpu_linear_contiguous_specialization_candidate = lambda adj, block_dim: False
+
+
+def _leave_adjoints_out() -> None:
+    """Have Warp write no adjoint of a function that no kernel differentiates; by itself it writes an empty one."""
+    try:
+        from warp._src import context
+
+        builder: Any = context.ModuleBuilder
+        write = builder._codegen_functions
+    except (ImportError, AttributeError):
+        # Names of Warp's own: a version without them writes what it likes.
+        return
+
+    def wanted(function: Any) -> bool:
+        adjoint = function.adj
+        written_by_hand = function.native_snippet is not None or adjoint.custom_reverse_mode
+        return bool(written_by_hand or adjoint.used_by_backward_kernel or adjoint.force_adjoint_codegen)
+
+    def _codegen_functions(self: Any, functions: Any, device: str, **parts: bool) -> str:
+        if parts.get("reverse_only"):
+            functions = [function for function in functions if wanted(function)]
+        return str(write(self, functions, device, **parts))
+
+    builder._codegen_functions = _codegen_functions
 
 
 def _resolve_once() -> None:

@@ -18,10 +18,14 @@ import warp as wp
 from warp_pd.device import kernel_cache
 from warp_pd.device.cores import load_kernel, start_warp
 
-@wp.kernel
+@wp.func
+def twice(value: float):
+    return 2.0 * value
+
+@wp.kernel(enable_backward=False)
 def double(values: wp.array(dtype=float)):
     i = wp.tid()
-    values[i] = 2.0 * values[i]
+    values[i] = twice(values[i])
 
 start_warp()
 for _ in range(2):
@@ -61,8 +65,9 @@ def filled(tmp_path_factory):
 
 
 def test_a_kernel_is_written_once(filled):
-    """By itself Warp writes this one for known strides too, and compiles both."""
+    """By itself Warp writes this one for known strides too, and compiles both; and its function's adjoint."""
     (source,) = filled.rglob("*.cpp")
+    assert "twice_0(" in source.read_text() and "adj_twice" not in source.read_text()
     assert "_cpu_forward_tasks<false>(" in source.read_text()
     assert "_cpu_forward_tasks<true>(" not in source.read_text()
 
