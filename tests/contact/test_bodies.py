@@ -278,7 +278,7 @@ def test_a_body_that_never_touches_changes_nothing():
     sheet = square(9)
     velocity = np.tile([0.0, 0.0, 0.1], (sheet.size, 1))
     far = RigidBody(Sphere(0.1), BodyPath.still((0.0, 0.0, 5.0)), friction=0.3)
-    frames = [run(sheet, contact=contact, initial_velocity=velocity).frame for contact in (far, None)]
+    frames = [run(sheet, precision=32, contact=body, initial_velocity=velocity).frame for body in (far, None)]
     np.testing.assert_array_equal(frames[0].displacement, frames[1].displacement)
 
 
@@ -336,7 +336,8 @@ def test_bodies_are_in_files_and_pictures(tmp_path):
         )
         for s in shapes
     ]
-    simulate(square(9), Explicit(1e-3, frames=2), contact=bodies).run(device="cpu", out=tmp_path / "run", usd=True)
+    scene = simulate(square(9), Explicit(1e-3, frames=2), contact=bodies)
+    scene.run(device="cpu", precision=64, out=tmp_path / "run", usd=True)
     stage = Usd.Stage.Open(str(tmp_path / "run" / "animation.usd"))
     found = {str(p.GetTypeName()) for p in stage.GetPrimAtPath("/World/Bodies").GetChildren()}
     assert found == {"Sphere", "Capsule", "Cylinder", "Mesh"}

@@ -5,7 +5,7 @@ import pytest
 from helpers import square
 from small_runs import simulate
 
-from warp_pd import BodyPath, Box, Explicit, Free, Pressure, RigidBody, Sphere, TriangleMesh
+from warp_pd import BodyPath, Box, Explicit, Fixed, Free, Pressure, RigidBody, Sphere, TriangleMesh
 from warp_pd.contact import bodies, body_motion, body_shapes
 from warp_pd.kernels.contact.body_motion import MOVES, SEARCH, STEP
 
@@ -130,7 +130,8 @@ def test_a_body_counts_the_time_where_nothing_else_needs_the_clock():
 
 
 def simulate_with_load():
-    """The same with a load that needs a schedule."""
-    simulation = on_paths()
-    simulation.loads = [*simulation.loads, Pressure(1.0, ramp=((0.0, 0.0), (0.02, 1.0)))]
-    return simulation
+    """A ball on a path, and a load that needs a schedule."""
+    sheet, down = square(9), BodyPath.straight((0.05, 0.05, 0.0203), (0.0, 0.0, -0.05), 0.02)
+    loads = [Fixed(sheet.edges()), Pressure(1.0, ramp=((0.0, 0.0), (0.02, 1.0)))]
+    solver = Explicit(0.02, frames=4, damping=1.0)
+    return simulate(sheet, solver, loads=loads, contact=RigidBody(Sphere(0.04), down))

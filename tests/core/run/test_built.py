@@ -37,7 +37,7 @@ def simulation(solver, loads=(), points=13, **parts):
 SCENES = {
     "explicit": lambda: simulation(Explicit(0.1, frames=2, damping=1.0), [Pressure(1.0, ramp=RAMP)]),
     "torn": lambda: simulation(
-        Explicit(1e-2, frames=2), [Pressure(1.0)], damage=CriticalStretch(1.2),
+        Explicit(1e-2, frames=2, damping=1.0), [Pressure(1.0)], damage=CriticalStretch(1.2),
         contact=RigidBall(0.03, (0.05, 0.05, 0.02), (0.0, 0.0, -1.0)),
     ),
     "relaxation": lambda: simulation(
