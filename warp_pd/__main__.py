@@ -61,6 +61,16 @@ PRECISION = click.option(
     callback=lambda _, __, bits: _bits(bits),
 )
 
+PICTURES = click.option(
+    "--pictures", help="Format of the pictures: png, pdf, svg, or several such as png,pdf; by default png."
+)
+
+
+def _expect_none(given: dict[str, Any], where: str) -> None:
+    """Check that no option is given, by name, where it would be ignored; it is expected only `where`."""
+    for option in (name for name, value in given.items() if value is not None):
+        raise InputError(f"{option}: expected only {where}")
+
 
 def _settings(assignments: tuple[str, ...], named: dict[str, Any]) -> dict[str, Any]:
     """Arguments of a scene, from named options and from --set."""
@@ -179,10 +189,10 @@ def _print_json(values: Any) -> None:
     "--fields",
     help="Point fields of frames.vtkhdf besides the displacement, with commas: such as damage,stretch,first_piola.",
 )
-@click.option("--pictures", default="png", help="Format of the pictures: png, pdf, svg, or several such as png,pdf.")
+@PICTURES
 @click.option("--no-pictures", is_flag=True, help="Do not draw pictures.")
 @click.option("--history-every", type=float, help="Time between rows of fine_history.csv [s], in dynamic scenes.")
-@click.option("--stride", type=int, default=1, help="Store only every n-th column and row of a lattice in frames.")
+@click.option("--stride", type=int, help="Store only every n-th column and row of a lattice in frames.")
 @click.option("--no-restart", is_flag=True, help="Do not write restart.npz; the run cannot be resumed.")
 @click.option("--no-view", is_flag=True, help="Do not write view.html, the page for a browser.")
 @click.option("--live", is_flag=True, help="Show the run in a browser on this machine, pause and stop it there.")
@@ -197,9 +207,9 @@ def _print_json(values: Any) -> None:
 )
 def run(
     scene: str, assignments: tuple[str, ...], printed: bool, device: str | None, precision: int | None, out: str | None,
-    resume: bool, overwrite: bool, no_usd: bool, no_vtkhdf: bool, fields: str | None, pictures: str,
+    resume: bool, overwrite: bool, no_usd: bool, no_vtkhdf: bool, fields: str | None, pictures: str | None,
     no_pictures: bool, history_every: float | None, no_view: bool, quiet: bool, gpus: int, processes: int,
-    stride: int, no_restart: bool, as_json: bool, live: bool, **named: Any,
+    stride: int | None, no_restart: bool, as_json: bool, live: bool, **named: Any,
 ) -> None:  # fmt: skip
     """Run SCENE: a name from `warp-pd list`, or a Python file with a function build(...)."""
     from .device.checks import DIVERGED
@@ -212,6 +222,11 @@ def run(
         raise InputError(f"--live: expected one process, got {asked}")
     if max(count("gpus", gpus, 1), count("processes", processes, 1)) > 1 and processes_here() == 1:
         sys.exit(launch(gpus, processes, device, sys.argv[1:]))
+    if no_pictures:
+        _expect_none({"--pictures": pictures}, "without --no-pictures")
+    if no_vtkhdf:
+        _expect_none({"--fields": fields, "--pictures": pictures, "--stride": stride}, "without --no-vtkhdf")
+    stride, pictures = 1 if stride is None else stride, "png" if pictures is None else pictures
     count("stride", stride, 1)
     picture_formats(pictures)
     quiet = quiet or not is_first()
@@ -307,7 +322,7 @@ def sweep_values(
     from .run.folder import picture_formats
 
     require_scene(scene)
-    if pictures:
+    if pictures is not None:
         picture_formats(pictures)
     choices = {key: split_values(text) for key, text in named.items() if text is not None}
     for name, text in _assigned(assignments, choices).items():
@@ -328,12 +343,16 @@ def sweep_values(
 @main.command(cls=SceneCommand)
 @_scene_options
 @JSON
-@click.option("--time/--no-time", "timed", default=True, help="Whether to time a run, by a second of its steps.")
+@click.option(
+    "--time/--no-time", "timed", default=None, help="Whether to time a run, by a second of its steps; by default yes."
+)
 def plan(
     scene: str, assignments: tuple[str, ...], printed: bool, device: str | None, precision: int | None, as_json: bool,
-    timed: bool, **named: Any,
+    timed: bool | None, **named: Any,
 ) -> None:  # fmt: skip
     """Show the arrays and launches of SCENE, each with the part that owns it, and how long a run takes here."""
+    if as_json:
+        _expect_none({"--time": timed or None}, "without --json")
     settings = _scene_settings(scene, assignments, named, printed)
     simulation = build_scene(scene, settings)
     if as_json:
@@ -342,7 +361,7 @@ def plan(
         _print_json(plan_values(simulation.build(device, precision)))
     else:
         click.echo(simulation.plan(device, precision))
-        if timed:
+        if timed is not False:
             from .command.trial import foretold
 
             click.echo(foretold(simulation.build(device, precision)))
@@ -370,11 +389,11 @@ def warm_kernels(scenes: tuple[str, ...], device: str | None, precision: int | N
 @click.option("--shape", is_flag=True, help="Draw the undeformed sheet of SCENE.")
 @click.option("--points", type=int, help="With --shape: points along x.")
 @click.option("--set", "assignments", multiple=True, metavar="NAME=VALUE", help="With --shape: as for `run`.")
-@click.option("--pictures", default="png", help="Format of the pictures: png, pdf, svg, or several such as png,pdf.")
+@PICTURES
 @click.option("--out", help="With --shape: the picture, .png, .pdf or .svg; by default SCENE-shape.png.")
 def draw(
-    folder: Path, scene: str | None, shape: bool, points: int | None, assignments: tuple[str, ...], pictures: str,
-    out: str | None,
+    folder: Path, scene: str | None, shape: bool, points: int | None, assignments: tuple[str, ...],
+    pictures: str | None, out: str | None,
 ) -> None:  # fmt: skip
     """Redraw the pictures of a run from its FOLDER, for example after --no-pictures or if the drawing code changed.
 
@@ -383,6 +402,7 @@ def draw(
     if shape:
         if scene is not None:
             raise InputError(f"--scene {scene}: expected only without --shape; give the scene as the argument instead")
+        _expect_none({"--pictures": pictures}, "without --shape; the suffix of --out is the format")
         settings = _settings(assignments, {"points": points})
         require_settings(str(folder), settings)
         simulation = build_scene(str(folder), settings)
@@ -390,10 +410,8 @@ def draw(
         simulation.draw(picture)
         click.echo(f"  {picture}")
         return
-    given = {"--points": points, "--set": assignments or None, "--out": out}
-    for option in (name for name, value in given.items() if value is not None):
-        raise InputError(f"{option}: expected only with --shape")
-    _draw_again(folder, scene, pictures)
+    _expect_none({"--points": points, "--set": assignments or None, "--out": out}, "with --shape")
+    _draw_again(folder, scene, "png" if pictures is None else pictures)
 
 
 @main.command("film")
@@ -408,16 +426,18 @@ def film(
     folder: Path, out: Path | None, field: str | None, every: int, rate: float, view: str | None, cut: str | None
 ) -> None:
     """Make a film of all frames of a run in FOLDER: .gif or .webp, and .mp4 or .webm where ffmpeg is installed."""
+    from .run.folder import FILM, remember
     from .viewer.film import film as make
 
     if not (folder / "frames.vtkhdf").is_file():
         raise InputError(f"folder = {str(folder)!r}: expected the folder of a run that contains frames.vtkhdf")
-    path = out or folder / "film.gif"
+    path = out or folder / FILM
     angles = None
     if view is not None:
         elevation, azimuth = vector("--view", view.split(","), 2)
         angles = (elevation, azimuth)
     pictures = make(folder, path, field, every=count("--every", every, 1), rate=rate, view=angles, cut=cut)
+    remember(folder, path)
     click.echo(f"  {path}: {pictures} pictures, {pictures / rate:.3g} s")
 
 
@@ -449,9 +469,11 @@ def _draw_again(folder: Path, scene: str | None, pictures: str) -> None:
 @click.option("--frames", type=int, help="Largest number of frames; by default as many as keep the page small.")
 def view(folder: Path, out: str | None, points: int | None, frames: int | None) -> None:
     """Write the page of a run from its FOLDER: one HTML file for any browser, without server or network."""
+    from .run.folder import remember
     from .viewer.view import write_page
 
     path = write_page(folder, out, points, frames)
+    remember(folder, path)
     click.echo(f"  {path} ({path.stat().st_size / 1e6:.3g} MB)")
 
 

@@ -381,6 +381,17 @@ def test_what_is_cut_away_is_not_drawn(monkeypatch):
             figure_of(monkeypatch, plots.from_above, [frame], "u3", cut=wrong)
 
 
+@pytest.mark.parametrize("draw", [plots.from_above, plots.surfaces])
+def test_a_cut_that_leaves_nothing_is_refused(monkeypatch, draw):
+    """Of none of the frames; a sheet that leaves during a film is drawn until then."""
+    frame = sheet_shown(5)
+    for away in ("y<5", "x>-1"):
+        with refused(match=rf"^cut = '{away}': it leaves nothing; expected a number between 0 and 1 m$"):
+            figure_of(monkeypatch, draw, [frame], "u3", cut=away)
+    gone = replace(frame, points=frame.points - [0.0, 9.0, 0.0])
+    assert len(figure_of(monkeypatch, draw, [frame, gone], "u3", cut="y<0").axes) == 3
+
+
 def test_strokes_follow_a_field_of_directions(monkeypatch):
     """They stand across the material lines' place, on the sheet and not beyond its hidden side."""
     along = np.tile([0.0, 1.0, 0.0], (441, 1))

@@ -289,6 +289,7 @@ def test_command_line(tmp_path, monkeypatch):
         (["none.py", "--shape"], "the file does not exist"),
         (["pressure", "--shape", "--set", "point=3"], "did you mean 'points'"),
         (["pressure", "--shape", "--scene", "a.py"], "--scene a.py: expected only without --shape"),
+        (["pressure", "--shape", "--pictures", "pdf"], "--pictures: expected only without --shape; the"),
         (["pressure"], "expected a folder with the summary.json of a run, or --shape"),
         (["pressure", "--points", "7"], "--points: expected only with --shape"),
         (["pressure", "--set", "points=7"], "--set: expected only with --shape"),

@@ -28,7 +28,7 @@ ENTRIES = {"scene": str, "status": str, "settings": dict, "measures": dict}
 MORE = {
     "message": str, "file": str | None, "section": str, "points": int, "horizon": NUMBER,
     "weights": str, "wall_s": NUMBER,
-    "units": dict, "pictures": list, "notes": list, "identity": dict,
+    "units": dict, "pictures": list, "made": list, "notes": list, "identity": dict,
 }  # fmt: skip
 OF_AN_IDENTITY = {"parts": dict, "sources": dict, "own": dict, "code": str}
 OF_A_MEASURE = {"value": NUMBER | None, "unit": str, "reference": NUMBER | None, "error": NUMBER | None}

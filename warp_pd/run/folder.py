@@ -6,10 +6,11 @@ import contextlib
 import csv
 import io
 import itertools
+import json
 import math
 import os
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,12 +23,15 @@ if TYPE_CHECKING:
     from ..interfaces import History
 
 FRAMES, BODIES, ANIMATION, PAGE = "frames.vtkhdf", "bodies.vtkhdf", "animation.usd", "view.html"
+FILM = "film.gif"
 FINE = "fine_history.csv"
 RESTART = "restart.npz"
 FIT = "fit.json"
 # The first columns of a history.
 HISTORY_BEGINS = b"time,step"
-RESULTS = ("summary.json", "history.csv", FINE, RESTART, FRAMES, BODIES, ANIMATION, PAGE, FIT)
+RESULTS = ("summary.json", "history.csv", FINE, RESTART, FRAMES, BODIES, ANIMATION, PAGE, FILM, FIT)
+# Those of them that are made of the others when a run ends, or later.
+MADE_AT_END = ("summary.json", ANIMATION, PAGE, FILM)
 
 
 # The folder that `claimed_folder` holds for a run.
@@ -38,8 +42,9 @@ class BusyError(InputError):
     """Another run writes into the folder."""
 
 
-# Formats of pictures.
+# Formats of pictures, and of films.
 FORMATS = ("png", "pdf", "svg")
+FILMS = ("gif", "webp", "mp4", "webm")
 
 
 def picture_formats(pictures: bool | str) -> tuple[str, ...]:
@@ -52,7 +57,14 @@ def picture_formats(pictures: bool | str) -> tuple[str, ...]:
 
 def pictures_in(folder: Path) -> list[Path]:
     """Pictures in a folder, in all formats."""
-    return sorted(path for path in folder.iterdir() if path.suffix[1:] in FORMATS and not path.name.startswith("."))
+    return [path for path in _to_look_at(folder) if path.suffix[1:].lower() in FORMATS]
+
+
+def _to_look_at(folder: Path) -> list[Path]:
+    """Pictures, films and pages in a folder."""
+    suffixes = (*FORMATS, *FILMS, "html")
+    found = (path for path in folder.iterdir() if path.suffix[1:].lower() in suffixes)
+    return sorted(path for path in found if not path.name.startswith("."))
 
 
 def writable_folder(out: str | Path | None, resume: bool, overwrite: bool = False) -> Path | None:
@@ -201,11 +213,25 @@ def sole_use(folder: Path | None) -> Iterator[None]:
         lock.release()
 
 
-def clear(folder: Path) -> None:
-    """Remove the results of an earlier run, so that they are not mistaken for those of this one."""
-    drawn = {str(name) for name in (run_summary(folder) or {}).get("pictures", [])}
-    for path in (*(folder / name for name in RESULTS), *(path for path in pictures_in(folder) if path.name in drawn)):
+def clear(folder: Path, names: Sequence[str] = RESULTS) -> None:
+    """Remove the named results of an earlier run, with its pictures, films and pages, as they do not show this one."""
+    summary = run_summary(folder) or {}
+    made = {str(name) for key in ("pictures", "made") for name in summary.get(key, [])}
+    for path in (*(folder / name for name in names), *(path for path in _to_look_at(folder) if path.name in made)):
         path.unlink(missing_ok=True)
+
+
+def remember(folder: Path, path: Path) -> None:
+    """Note a film or page of the run in a folder in its summary, so that it is removed when another takes its place."""
+    summary = run_summary(folder)
+    if summary is not None and path.resolve().parent == folder.resolve():
+        summary["made"] = sorted({path.name, *summary.get("made", [])})
+        save_summary(folder, summary)
+
+
+def save_summary(folder: Path, summary: Mapping[str, Any]) -> None:
+    """Write summary.json atomically."""
+    write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
 
 
 def clear_unfinished(folder: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -26,7 +25,7 @@ from .folder import (
     BODIES,
     FINE,
     FRAMES,
-    PAGE,
+    MADE_AT_END,
     RESTART,
     clear,
     clear_unfinished,
@@ -36,9 +35,9 @@ from .folder import (
     remove_if_empty,
     require_free,
     results_in,
+    save_summary,
     sole_use,
     writable_folder,
-    write_atomically,
     write_history,
 )
 from .recorder import FramePoints, Recorder
@@ -396,9 +395,7 @@ def _saved(
     saved = restart.load(folder / RESTART, known, 2 * restart_bytes(built) + HISTORY_BYTES) if resume else None
     if saved is not None:
         files.require_same(folder)
-        # They describe a finished run, and this one goes on.
-        for name in ("summary.json", PAGE, ANIMATION):
-            (folder / name).unlink(missing_ok=True)
+        clear(folder, MADE_AT_END)
     elif results_in(folder):
         clear(folder)
     clear_unfinished(folder)
@@ -500,10 +497,10 @@ def write_summary(result: Result, folder: Path) -> None:
         draw_again = f"warp-pd draw {folder}" + (f" --scene {file}" if file else "")
         result.summary["pictures"] = []
         result.summary["notes"].append(
-            f"files: pictures, page and animation of an interrupted run are not written; `{draw_again}` and "
-            f"`warp-pd view {folder}` do, or --resume"
+            f"files: pictures, page and animation of an interrupted run are not written; `{draw_again}` draws, "
+            f"`warp-pd view {folder}` writes the page, and a run that --resume finishes writes all"
         )
-    write_atomically(folder / "summary.json", json.dumps(result.summary, indent=2) + "\n")
+    save_summary(folder, result.summary)
 
 
 def headline(built: Built) -> str:

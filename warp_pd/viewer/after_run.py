@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from ..device.checks import InputError, kind_and_text, point_indices, user_code
 from ..interfaces import HELD, History
 from ..materials import capabilities
 from ..run.built import held_by_loads
-from ..run.folder import FINE, FRAMES, pictures_in, read_history, write_atomically
+from ..run.folder import FINE, FRAMES, pictures_in, read_history, save_summary
 from ..run.result import Result
 from ..run.runner import Files, write_summary
 from ..run.scene import Scene
@@ -94,7 +93,7 @@ def redraw(scene: Scene, folder: Path, summary: dict[str, Any], formats: tuple[s
     draw(scene, read_history(folder / "history.csv"), folder, summary, formats, there.keys() - ours)
     drawn = (path.name for path in pictures_in(folder) if path.stat().st_mtime_ns != there.get(path.name))
     summary["pictures"] = sorted(ours.union(drawn))
-    write_atomically(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
+    save_summary(folder, summary)
 
 
 def _draw_default(scene: Scene, history: History, folder: Path, summary: Mapping[str, Any]) -> None:

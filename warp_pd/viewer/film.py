@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import os
 import shutil
 import subprocess
@@ -20,8 +21,11 @@ from .painter import ColourScale, scale_of
 from .pictures import Drawing, Shown, drawing, frames_at
 from .plots import VIEW, from_above_figure, surfaces_figure
 
+# Ticks of a second in which Pillow's formats count how long a picture is shown, and the fewest and most: browsers slow
+# down a GIF that is faster.
+TICKS = {".gif": (100, 2, 50_000), ".webp": (1000, 1, 10_000_000)}
 # Suffixes of films that Pillow writes, and of those that ffmpeg does, where it is installed.
-BY_PILLOW, BY_FFMPEG = (".gif", ".webp"), (".mp4", ".webm")
+BY_PILLOW, BY_FFMPEG = tuple(TICKS), (".mp4", ".webm")
 # Pictures a second, and dots per inch.
 RATE, DOTS = 20.0, 100
 # Colours of the palette of a GIF that are those of the scale, and how dark lines make some of them.
@@ -57,6 +61,7 @@ def film(
     """
     one_of("film", path.suffix.lower(), (*BY_PILLOW, *BY_FFMPEG))
     positive("rate", rate)
+    _require_rate(rate, path.suffix.lower())
     if path.suffix.lower() in BY_FFMPEG and shutil.which("ffmpeg") is None:
         raise InputError(f"film = {str(path)!r}: expected {' or '.join(BY_PILLOW)}, or ffmpeg on the path")
     series = read_series(folder / "frames.vtkhdf")
@@ -85,6 +90,15 @@ def film(
     return len(frames)
 
 
+def _require_rate(rate: float, suffix: str) -> None:
+    """Check that a format can show so many pictures a second."""
+    second, fewest, most = TICKS.get(suffix, (1, 0, math.inf))
+    if not fewest <= second / rate <= most:
+        raise InputError(
+            f"rate = {rate!r}: expected {second / most:.2g} to {second / fewest:g} pictures a second in a {suffix}"
+        )
+
+
 def _pictures(frames: Sequence[Shown], drawn: Any) -> Iterator[bytes]:
     """PNG of every frame."""
     for frame in frames:
@@ -104,7 +118,10 @@ def _by_pillow(path: Path, pictures: Iterator[bytes], rate: float, inks: ColourS
         greys = np.linspace(0.0, 1.0, 256 - len(colours) - len(dark))[:, None] * np.ones(3)
         palette = np.round(255.0 * np.concatenate([colours, dark, greys])).astype(np.uint8)
         first, *others = (_with_palette(picture, palette) for picture in (first, *others))
-    first.save(path, save_all=True, append_images=others, duration=1e3 / rate, loop=0)
+    # Rounded from the start, so that what the ticks do not hold adds up to no more than half of one.
+    second = TICKS[path.suffix.lower()][0]
+    shown = np.diff(np.round(second / rate * np.arange(len(others) + 2))) * (1000 // second)
+    first.save(path, save_all=True, append_images=others, duration=shown.astype(int).tolist(), loop=0)
 
 
 def _with_palette(picture: Any, palette: np.ndarray) -> Any:

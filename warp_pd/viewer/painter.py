@@ -24,6 +24,32 @@ SQUARES, SQUARES_OF_CURVED = 12, 8
 STROKES = 30
 
 
+def plane_of(away: str) -> tuple[int, float, float]:
+    """Component, side (1 or -1) and place [m] of what is cut away, such as "y<0.05".
+
+    Raises:
+        InputError: for any other text.
+    """
+    found = re.fullmatch(r"\s*([xyz])\s*([<>])\s*(\S+)\s*", away)
+    try:
+        name, side, value = found.groups() if found else ("", "", "")
+        return "xyz".index(name or "?"), 1.0 if side == ">" else -1.0, finite("cut", float(value))
+    except ValueError:
+        raise InputError(
+            f"cut = {show(away)}: expected x, y or z, < or >, and a number [m], such as 'y<0.05'"
+        ) from None
+
+
+def require_left(away: str | None, places: np.ndarray) -> None:
+    """Check that a cut leaves something of the places in a picture [m], shape (P, 3)."""
+    if away is None:
+        return
+    c, side, level = plane_of(away)
+    low, high = places[:, c].min(), places[:, c].max()
+    if (low if side > 0.0 else -high) > side * level:
+        raise InputError(f"cut = {show(away)}: it leaves nothing; expected a number between {low:.4g} and {high:.4g} m")
+
+
 @dataclass(frozen=True, eq=False)
 class View:
     """A parallel projection.
@@ -57,19 +83,8 @@ class View:
         return np.asarray(((points - self.low) * self.grown) @ self.axes.T)
 
     def cut(self, away: str) -> np.ndarray:
-        """The plane of a cut, see `DepthBuffer`; what is `away`, such as "y<0.05" [m], is not drawn.
-
-        Raises:
-            InputError: for any other text.
-        """
-        found = re.fullmatch(r"\s*([xyz])\s*([<>])\s*(\S+)\s*", away)
-        try:
-            name, side, value = found.groups() if found else ("", "", "")
-            c, sign, level = "xyz".index(name or "?"), 1.0 if side == ">" else -1.0, finite("cut", float(value))
-        except ValueError:
-            raise InputError(
-                f"cut = {show(away)}: expected x, y or z, < or >, and a number [m], such as 'y<0.05'"
-            ) from None
+        """The plane of a cut, see `DepthBuffer`; what is `away`, such as "y<0.05" [m], is not drawn."""
+        c, sign, level = plane_of(away)
         return sign * np.append(self.axes[:, c] / self.grown[c], level - self.low[c])
 
     @property

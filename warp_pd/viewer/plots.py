@@ -13,7 +13,17 @@ from ..geometry.triangulation import boundary_sides, directed_edges
 from ..output.quantities import ENERGIES, column_label, field_label, with_unit
 from .beside import drawn_beside
 from .coarsen import clusters, contracted, drawn
-from .painter import ONE_SIGN, ColourScale, DepthBuffer, View, material_lines, places_of, scale_of, strokes
+from .painter import (
+    ONE_SIGN,
+    ColourScale,
+    DepthBuffer,
+    View,
+    material_lines,
+    places_of,
+    require_left,
+    scale_of,
+    strokes,
+)
 from .pictures import (
     MOST_VECTORS,
     RESOLUTION_IN_VECTORS,
@@ -100,6 +110,7 @@ def surfaces_figure(
     """The figure of `surfaces` for some `frames` of `every` one, all of which it has room and colours for."""
     scale = scale_of(every, field, label or field_label(field), limits)
     everything = np.concatenate([places_of(frame) for frame in every])
+    require_left(cut, everything)
     seen = View.of(everything.min(axis=0), everything.max(axis=0), *view)
     places = np.concatenate([everything, *(np.array(edge[1:3]) for edge in seen.edges())])
     across = seen.seen(places)[:, :2]
@@ -159,8 +170,9 @@ def from_above_figure(
     from matplotlib.ticker import MaxNLocator
 
     scale = scale_of(every, field, label or field_label(field), limits)
-    corners = np.concatenate([f.points[f.framed, :2] for f in every])
-    low, high = corners.min(axis=0), corners.max(axis=0)
+    everything = np.concatenate([f.points[f.framed] for f in every])
+    require_left(cut, everything)
+    low, high = everything.min(axis=0)[:2], everything.max(axis=0)[:2]
     longest = float((high - low).max())
     grown = enlargement(high - low)
     margin = 0.03 * longest / grown

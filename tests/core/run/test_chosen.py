@@ -114,8 +114,6 @@ def test_a_run_is_resumed_with_the_files_it_began_with(tmp_path):
     assert cli("run", *SHORT, *fields, "--out", tmp_path / "a").exit_code == 0
     done = cli("run", *SHORT, "--no-pictures", "--resume", "--out", tmp_path / "a")
     assert done.exit_code == 2 and "chosen_fields" in done.output
-    done = cli("run", *SHORT, *fields, "--no-vtkhdf", "--resume", "--out", tmp_path / "a")
-    assert done.exit_code == 2 and "it holds frames.vtkhdf" in done.output
     longer = (*BALL, "--duration", "0.1", "--frames", "4", "--no-usd")
     done = cli("run", *longer, *fields, "--resume", "--out", tmp_path / "a")
     assert done.exit_code == 0, done.output

@@ -7,6 +7,7 @@ from helpers import NEO, refused, square
 from small_runs import cli
 
 from warp_pd import BondAssociated, Explicit, Fixed, Simulation
+from warp_pd.run.folder import remember, run_summary, save_summary
 
 
 def test_the_pictures_of_an_earlier_run_are_cleared_and_others_kept(ball, tmp_path):
@@ -28,6 +29,29 @@ def test_the_pictures_of_an_earlier_run_are_cleared_and_others_kept(ball, tmp_pa
     )
     assert done.exit_code == 0, done.output
     assert {p.name for p in folder.glob("*.png")} == {"mine.png"}
+
+
+@pytest.mark.parametrize("again", [{"resume": True}, {"overwrite": True}])
+def test_what_shows_a_shorter_run_does_not_stay(again, tmp_path):
+    """Pictures, films and pages go when the run goes on or another takes its place; those of others stay."""
+
+    def run(frames, **options):
+        sheet, solver = square(7), Explicit(frames * 1e-3, frames=frames)
+        scene = Simulation(sheet, BondAssociated(NEO), solver, [Fixed(sheet.edges())])
+        scene.run(device="cpu", out=tmp_path, usd=False, **options)
+
+    run(1)
+    shown = ["sheet.png", "energy.svg", "film.gif", "turn.webp", "small.html", "view.html"]
+    for name in [*shown, "mine.png", "mine.gif", "mine.html", "mine.csv"]:
+        (tmp_path / name).write_text(name)
+    save_summary(tmp_path, {**run_summary(tmp_path), "pictures": ["sheet.png", "energy.svg", "mine.csv"]})
+    for name in ("turn.webp", "small.html"):
+        remember(tmp_path, tmp_path / name)
+    remember(tmp_path, tmp_path.parent / "mine.html")
+    run(2, **again)
+    numbers = {"frames.vtkhdf", "history.csv", "restart.npz", "summary.json"}
+    mine = {"mine.png", "mine.gif", "mine.html", "mine.csv"}
+    assert {path.name for path in tmp_path.iterdir()} == numbers | mine
 
 
 @pytest.mark.parametrize("usd", [True, False])
