@@ -31,6 +31,8 @@ MARGIN, LEFT = 100.0, 10.0
 SLACK = 2.0
 # Relative residual of a solve with a tangent that is not symmetric.
 CLOSE = 1e-6
+# Norm of K x - (x K x) x over a positive x K x below which a search has come to an eigenvalue, the lowest as a rule.
+SETTLED = 0.3
 # Difference of heights over the size of a sheet below which it is flat.
 FLAT = 1e-6
 # A direction that is shorter by this factor after the others have been taken out of it adds nothing.
@@ -75,7 +77,9 @@ class Falling:
 def least_quotient(
     product: Map, precondition: Map, start: np.ndarray, most: int, enough: float
 ) -> tuple[np.ndarray, float]:
-    """A vector of norm 1 with a small x K x, and that value; ends below `enough`, or after `most` products.
+    """A vector of norm 1 with a small x K x, and that value.
+
+    It ends below `enough`, near an eigenvalue that is positive, or after `most` products.
 
     Locally optimal preconditioned conjugate gradients (Knyazev, SIAM J. Sci. Comput. 23, 2001), for one vector.
     """
@@ -88,8 +92,10 @@ def least_quotient(
     for _ in range(most - 1):
         if value < enough or not math.isfinite(value):
             break
-        basis, images = [x], [image]
-        further = orthonormal(precondition(image - value * x), basis)
+        basis, images, rest = [x], [image], image - value * x
+        if norm(rest) < SETTLED * value:
+            break
+        further = orthonormal(precondition(rest), basis)
         if further is None:
             break
         basis.append(further)
