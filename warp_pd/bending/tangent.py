@@ -12,8 +12,8 @@ from ..device.launches import Stage
 from ..geometry.triangulation import numbers_of_ranges
 from ..kernels.bending.tangent import STATE, bending_tangent
 from ..kernels.statics.tangent_matrix import tangent_matrix
-from ..statics.krylov import factorised
-from ..statics.tangent import HostBlocks, Prediction, Solve, SparseTangent, Tangent
+from ..statics.factors import Factoriser, Solve
+from ..statics.tangent import HostBlocks, Prediction, SparseTangent, Tangent
 from .law import BendingForce, kinds
 
 OWNER = "Newton"
@@ -162,6 +162,7 @@ class BendingMatrix:
     def __init__(self, tangent: BendingTangent, law: SparseTangent) -> None:
         self._law, self.free = law, law.free
         self._bending = HostBlocks(tangent.starts, tangent.columns, tangent.blocks, self.free)
+        self._factorise = Factoriser(self.free)
 
     def matrix(self) -> Any:
         """K of the free components [N/m], a SciPy sparse matrix."""
@@ -169,7 +170,7 @@ class BendingMatrix:
 
     def factorise(self, added: np.ndarray | None = None) -> Solve | None:
         """Solver of K x = b on arrays of shape (N, 3), with blocks added to K; None if K is singular."""
-        return factorised(self.matrix(), self.free, added)
+        return self._factorise(self.matrix(), added)
 
 
 def stencils(force: BendingForce) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

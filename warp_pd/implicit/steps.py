@@ -35,8 +35,8 @@ OWNER = "Implicit"
 # Relative residual of a step, by precision.
 RESIDUAL = {64: 1e-6, 32: 1e-4}
 # Residual over the last one up to which a tangent is kept, also from step to step: a factorisation takes as long as
-# many solves with it, a cycle of multigrid does not.
-SLOWEST = {"direct": 0.5, "algebraic": 0.2, "multigrid": 0.1, "jacobi": 0.1}
+# several steps with it, a cycle of multigrid does not.
+SLOWEST = {"direct": 0.3, "algebraic": 0.2, "multigrid": 0.1, "jacobi": 0.1}
 # Spectral radius of the steps of sheets that can tear, and of others.
 DAMPING, KEEPING = 0.0, 0.8
 # Adapted steps: aim below the tolerance, change of a step, change below which a longer step does not pay.

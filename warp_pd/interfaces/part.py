@@ -168,11 +168,11 @@ class StaticContact(Protocol):
         ...
 
     def add_blocks(self, stage: Stage, displacement: Array) -> None:
-        """Add the launch that fills `blocks` at a displacement [m]; called once."""
+        """Add the launch that fills `blocks` at a displacement [m]; called for two stages."""
         ...
 
     def touches_anew(self) -> bool:
-        """Whether other points touch than in `blocks`, so that no step may take a tangent with these."""
+        """Whether other points touch than in `blocks`, so that no step may take a tangent with these as it is."""
         ...
 
     def update_multipliers(self) -> bool:

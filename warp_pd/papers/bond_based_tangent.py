@@ -14,8 +14,8 @@ from ..families import unpack
 from ..kernels.papers.bond_based import bond_based_tangent
 from ..laws.family_law import FamilyLaw
 from ..materials import PairwiseMaterial, capabilities
-from ..statics.krylov import factorised
-from ..statics.tangent import Prediction, Solve
+from ..statics.factors import Factoriser, Solve
+from ..statics.tangent import Prediction
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
@@ -116,6 +116,7 @@ class BondBasedMatrix:
     def __init__(self, tangent: BondBasedTangent) -> None:
         self.tangent = tangent
         self.free = ((tangent.held[:, None] >> np.arange(3)) & 1 == 0).ravel()
+        self._factorise = Factoriser(self.free)
         families = tangent.force.families
         point, member = np.nonzero(families.rows_of_points(families.exists))
         neighbour = families.heads(point, member)
@@ -157,4 +158,4 @@ class BondBasedMatrix:
 
     def factorise(self, added: np.ndarray | None = None) -> Solve | None:
         """Solver of K x = b on arrays of shape (N, 3), with blocks added to K; None if K is singular."""
-        return factorised(self.matrix(), self.free, added)
+        return self._factorise(self.matrix(), added)

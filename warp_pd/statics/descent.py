@@ -36,6 +36,8 @@ NEAR = 10.0
 FALLS = 0.2
 # A tangent taken at a residual below this one is kept.
 KEPT = 1e-4
+# Residual below which a kept tangent may take the contact that is here, and most steps in a row that do so.
+FOLLOWED, MOST_FOLLOWED = 0.5, 3
 # Residual over the last one from which it falls no more, and margin of the forces that come from round-off, for each of
 # up to LONG such steps; after as many also shortened steps count. A residual above the last number is never round-off:
 # a load that nothing bears is one.
@@ -98,8 +100,8 @@ class Descent:
         self.tension = 0.0
         # Whether the next step takes the tangent of the last one; whether there are aggregates of an earlier one.
         self._kept = self._aggregated = slowest is not None
-        # Whether there is a tangent of this descent.
-        self._usable = False
+        # Whether there is a tangent of this descent; how many steps in a row have changed the contact of a kept one.
+        self._usable, self._followed = False, 0
         self._slowest, self._farthest, self._secants = slowest, farthest, secants
         if secants is not None:
             secants.begin()
@@ -158,10 +160,12 @@ class Descent:
             least = level.tangent.min_tension(relative)
             again = self._kept or (self._usable and self.tension == 0.0 and self._suffices())
             # With the tangent of other points that touch, these would come and go without end.
-            again = again and not level.touches_anew()
+            touched = again and level.touches_anew()
+            again = again and (not touched or self._follow_contact(relative))
+            self._followed = self._followed + 1 if touched else 0
             usable = self._usable = again or self._renew(max(self.tension, least))
             self._aggregated = usable
-            self._kept = usable and self.tension == 0.0 and self._keeps(relative)
+            self._kept = usable and self.tension == 0.0 and self._keeps(relative, touched)
             if not sizes.modulus:
                 sizes.modulus = level.tangent.modulus()
                 if sizes.modulus == 0.0 or not math.isfinite(sizes.modulus):
@@ -193,6 +197,15 @@ class Descent:
             self._secants.clear()
         return self.linearise(tension, self._aggregated and self._falls())
 
+    def _follow_contact(self, relative: float) -> bool:
+        """Let the tangent have the contact that is here, with the sheet of before; return whether it is of use.
+
+        Far from equilibrium, and with other points that touch in every step, the sheet of before is not.
+        """
+        if self._secants is not None:
+            self._secants.clear()
+        return relative < FOLLOWED and self._followed < MOST_FOLLOWED and self.solver.follow_contact()
+
     def _falls(self) -> bool:
         """Whether the last step reduced the residual so far that coarser lattices need no new tangents."""
         return self.solver.kind != "multigrid" or (
@@ -208,12 +221,12 @@ class Descent:
         whole = not self.lifting and bool(self.step_lengths) and self.step_lengths[-1] == 1.0
         return whole and not self.level.predicts and 10.0 * last**2 <= self.tolerance * earlier
 
-    def _keeps(self, relative: float) -> bool:
-        """Whether the next step takes this tangent: the last one reduced the residual enough."""
+    def _keeps(self, relative: float, touched: bool) -> bool:
+        """Whether the next step takes this tangent: other points touch in it, or the last one reduced enough."""
         if self._slowest is not None:
             # The residual before supports move tells nothing.
             first = 1 + int(self._lifts)
-            return len(self.residuals) <= first or self.residuals[-1] < self._slowest * self.residuals[-2]
+            return touched or len(self.residuals) <= first or self.residuals[-1] < self._slowest * self.residuals[-2]
         return relative <= KEPT and len(self.residuals) > 1 and self.residuals[-1] < 0.1 * self.residuals[-2]
 
     def _direct(self, relative: float) -> None:

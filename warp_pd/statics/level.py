@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -90,8 +91,11 @@ class Level:
             tensile = context.array("tensile", OWNER, t.real, shape=1, per="once")
             self._prediction = Prediction(base, self.direction, tensile)
         tangent.add_linearise(linearise, self.displacement, self._tension, self.inertia, self._prediction)
-        for contact in self.contacts:
-            contact.add_blocks(linearise, self.displacement)
+        stages = [linearise]
+        if self.contacts:
+            stages.append(context.stage("contact stiffness", "every step with the tangent of other points that touch"))
+        for stage, contact in itertools.product(stages, self.contacts):
+            contact.add_blocks(stage, self.displacement)
         self._longest: Array | None = None
         self.add_product(context.stage("product", "every iteration of the linear solve"), self.vector, self.image)
 

@@ -16,10 +16,10 @@ import warp as wp
 from ..device.fields import Array, assign, doubles
 from ..device.graph import launch_now
 from .aggregates import Aggregates
+from .factors import ChangedBlocks, Solve
 from .krylov import conjugate_gradients, gmres
 from .level import OWNER, Level
 from .multigrid import Hierarchy
-from .tangent import Solve
 
 # Iterations after which a solve is taken as it is: with multigrid it needs ten or so.
 MAX_ITERATIONS = {"multigrid": 60, "algebraic": 60, "direct": 60, "jacobi": 4000}
@@ -51,6 +51,7 @@ class LinearSolver:
         self.level, self.index, self.kind, self.hierarchy = level, index, kind, hierarchy
         self.products = 0
         self.factors: Solve | None = None
+        self._changing: ChangedBlocks | None = None
         self._added: Callable[[np.ndarray], np.ndarray] | None = None
         self._sparse = level.tangent.sparse() if kind == "direct" else None
         self.symmetric = level.tangent.symmetric and not level.following
@@ -78,9 +79,18 @@ class LinearSolver:
         if self.hierarchy is not None:
             return self.hierarchy.prepare(keep)
         if self._sparse is not None:
-            self.factors = self._sparse.factorise(self.level.contact_stiffness())
+            blocks = self.level.contact_stiffness()
+            self.factors = self._sparse.factorise(blocks)
+            if self.factors is not None and blocks is not None:
+                self.factors = self._changing = ChangedBlocks(self.factors, blocks)
             return self.factors is not None
         return True
+
+    def follow_contact(self) -> bool:
+        """Let the factorisation of an earlier tangent have the contact that is here; return whether it could."""
+        self.level.run("contact stiffness")
+        blocks = self.level.contact_stiffness()
+        return self._changing is not None and blocks is not None and self._changing.take(blocks)
 
     def solve(self, right_side: np.ndarray, accuracy: float) -> None:
         """Solve for `direction` of the level to `accuracy` times the norm of the right-hand side.

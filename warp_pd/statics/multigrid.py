@@ -21,8 +21,9 @@ from ..geometry.triangulation import Lattice
 from ..interfaces import BuiltLaw, System
 from ..kernels.loads import begin_loads
 from ..kernels.statics.equilibrium import lattice_transfer
+from .factors import Solve
 from .level import OWNER, Level
-from .tangent import Solve, tangent_of
+from .tangent import tangent_of
 
 # The coarsest lattice has at most this many points, and every lattice this many along each side.
 MAX_COARSEST = 300

@@ -54,7 +54,7 @@ class Newton(StaticSolver):
         most_cuts: Maximum number of cutbacks over the whole path.
         preconditioner: "multigrid" (coarser lattices; uncut rectangles of more than 300 points, horizons up to 2.5),
             "algebraic" (aggregates of points by PyAMG; any sheet of more than 300 points whose bonds do not break,
-            horizons up to 2.5), "direct" (a sparse factorisation on the host), "jacobi" (3x3 blocks), or "auto":
+            horizons up to 2.5), "direct" (a factorisation on the host), "jacobi" (3x3 blocks), or "auto":
             multigrid where possible, otherwise algebraic on a CPU from 2000 points, direct below, and jacobi on a GPU.
             The bond-based law has no multigrid and is solved directly on both, up to 100 000 points.
         stiffness: "tangent", or, for the bond-based law, "constant": the published method without the geometric

@@ -21,22 +21,10 @@ from ..kernels.statics.tangent_matrix import tangent_matrix
 from ..laws.bond_associated import BondAssociatedForce
 from ..laws.force_paths import ROWS_MEMBERS, BondAssociatedLaw
 from ..materials import capabilities, modulus_in_tension
-from .krylov import factorised
+from .factors import Factoriser, Solve
 
 if TYPE_CHECKING:
     from scipy.sparse import bsr_matrix, csc_matrix
-
-
-class Solve(Protocol):
-    """Solves K x = b."""
-
-    def __call__(self, b: np.ndarray) -> np.ndarray:
-        """Return x for b, both of shape (N, 3)."""
-        ...
-
-    def negative(self) -> int | None:
-        """Number of negative eigenvalues of K; None if unknown."""
-        ...
 
 
 class SparseTangent(Protocol):
@@ -385,6 +373,7 @@ class TangentMatrix:
         self.columns = context.array("matrix_columns", OWNER, wp.int32, columns, per="table")
         self.blocks = context.array("matrix", OWNER, context.types.mat33, shape=len(columns), per="once")
         self._host = HostBlocks(self.starts, self.columns, self.blocks, self.free)
+        self._factorise = Factoriser(self.free)
         members, t = force.families.members, context.types
         row = wp.types.vector(length=ROW, dtype=t.real)
         shape = (force.points, members)
@@ -456,7 +445,7 @@ class TangentMatrix:
         if t.force.intact is not None:
             least = LOOSE * t.modulus() * t.force.thickness
             matrix += least * sparse.identity(matrix.shape[0], format="csc")
-        return factorised(matrix, self.free, added)
+        return self._factorise(matrix, added)
 
 
 # Patterns of families that are kept, see TABLES of laws/weight_tables.py.
