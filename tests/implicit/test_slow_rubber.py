@@ -108,3 +108,38 @@ def test_creep_of_a_balloon_over_a_day():
     assert wanted[-1] - 1.0 > 2.0 * (wanted[0] - 1.0)
     # Five points on a quarter of the circumference; with 12 the change of the stretch is within 0.05 %.
     np.testing.assert_allclose(found[1:], wanted, rtol=2e-3)
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-4])
+def test_the_tolerance_holds_for_what_elements_do_in_a_prescribed_motion(tolerance):
+    """A square that supports stretch and take back uniformly: its displacement has no error, its stress would."""
+    sheet = Sheet.rectangle(0.1, 0.1, thickness=1e-3, density=1000.0, points=5)
+    times, ends = [0.0, 1.0, 2.0], [0.0, 0.06, 0.01]
+    modulus, time = 2.0 * MU, 0.15
+    law = Visco(NEO, horizon=2.015, branches=[Maxwell(modulus, time)])
+    everywhere = Motion(sheet.edges("right"), times, x=ends)
+    across = [Fixed(np.arange(sheet.size), "yz"), Fixed(sheet.edges("left"), "x")]
+    result = Simulation(
+        sheet, law, Implicit(2.0, frames=8, tolerance=tolerance, inertia=False), loads=[*across, everywhere]
+    ).run(device="cpu", precision=64)  # fmt: skip
+
+    def stretch(t):
+        return 1.0 + np.interp(t, times, ends) / 0.1
+
+    def rates(t, state):
+        """M of the element; what it has lost, for the thickness of an incompressible sheet."""
+        s, M, through = stretch(t), state[0], state[1]
+        change = np.array([s**-2 - M, s**2 - through]) / time
+        gained = 0.5 * modulus * ((s**2 - 1.0 / M) * change[0] + (s**-2 - 1.0 / through) * change[1])
+        return [*change, -gained]
+
+    pieces, state = [0.0], [1.0, 1.0, 0.0]
+    for begin, end in ((0.0, 1.0), (1.0, 2.0)):
+        found = solve_ivp(rates, (begin, end), state, "LSODA", [begin + 0.25 * k for k in range(1, 5)], rtol=1e-10)
+        state, pieces = found.y[:, -1], [*pieces, *found.y[2]]
+    volume = 0.1 * 0.1 * 1e-3
+    lost = np.array([row["viscous"] for row in result.history]) / volume
+    # Each step may be off by the tolerance.
+    most = tolerance * result.summary["steps"]
+    assert abs(result.history[-1]["balance_error"]) < most
+    np.testing.assert_allclose(lost, pieces, rtol=0.0, atol=most * pieces[-1])

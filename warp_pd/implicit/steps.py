@@ -71,7 +71,8 @@ class Implicit(FramesInTime, NewtonSettings):
             to the duration.
         steps: Number of equal steps, or more where knots and frames divide them.
         tolerance: Error of the displacement in a step, over its largest so far (root mean squares), to which steps are
-            adapted instead; 1e-4 is a good value.
+            adapted instead; 1e-4 is a good value. Without inertia, where a law has internal variables, also the change
+            of the energy balance in a step, over the largest energy so far.
         inertia: Whether the sheet has inertia. Without it and damping every step ends in equilibrium, for slow
             processes, and the run begins with that under the loads at time 0.
         radius: Spectral radius of the steps for the highest frequencies: 1 conserves, 0 damps in one step. By default
@@ -157,8 +158,8 @@ class BuiltImplicit(StaticSystem):
         self._set: tuple[float, bool, float] | None = None
         sheet = context.sheet
         self._largest = SOME * sheet.spacing * math.sqrt(sheet.size)
-        # Steps since the start or the last knot.
-        self._since = 0
+        # Steps since the start or the last knot; error of the energy balance at the end of the last one.
+        self._since, self._balance = 0, 0.0
         self._counts = dict.fromkeys(("steps", "iterations", "products", "halved", "refused", "rounds"), 0)
         self._rests, self._residual, self._largest_residual = True, 0.0, 0.0
         self.tears: Tears | None = None
@@ -371,7 +372,7 @@ class BuiltImplicit(StaticSystem):
             then = stop if now + dt > stop - 0.5 * dt else now + dt
             self._set_coefficients(dt)
             if self._solve(then, sink, refused):
-                factor = self._factor(dt, jumps and dt <= JUMP * (stop - now))
+                factor = self._factor(then, dt, jumps and dt <= JUMP * (stop - now), sink)
                 if factor >= 1.0:
                     break
                 self._counts["refused"] += 1
@@ -425,10 +426,10 @@ class BuiltImplicit(StaticSystem):
         size = float(np.einsum("ic,ic->", moved, moved, dtype=np.float64))
         return self._squared_error <= SMOOTH**2 * size
 
-    def _factor(self, dt: float, jumps: bool) -> float:
+    def _factor(self, then: float, dt: float, jumps: bool, sink: FrameSink) -> float:
         """Factor on a step of dt [s], less than 1 if its error is above the tolerance, or damage grew too much.
 
-        `jumps`: the error is that of a velocity that jumps.
+        `then`: the time at its end [s]. `jumps`: the error is that of a velocity that jumps.
         """
         tears = self.tears
         if tears is not None and tears.look(dt):
@@ -440,11 +441,23 @@ class BuiltImplicit(StaticSystem):
             return 1.0
         size = self.levels[0].displacement.numpy() - self.context.initial_displacement
         largest = max(self._largest, math.sqrt(float(np.einsum("ic,ic->", size, size, dtype=np.float64))))
-        found = math.sqrt(self._squared_error) / (self.settings.tolerance * largest)
+        balance = self._balance_after(then, dt, sink)
+        error = max(math.sqrt(self._squared_error) / largest, abs(balance - self._balance))
+        found = error / self.settings.tolerance
         if found <= 1.0 or jumps:
-            self._largest = largest
+            self._largest, self._balance = largest, balance
             return max(1.0, AIM / math.cbrt(max(found, 1e-6)))
         return max(SHORTEN, AIM / math.cbrt(found))
+
+    def _balance_after(self, then: float, dt: float, sink: FrameSink) -> float:
+        """Error of the energy balance after a step of dt [s], where internal variables may be what it does not resolve.
+
+        With inertia the error of the displacement sees all that is fast, and steps damp what they do not resolve.
+        """
+        if self.internal is None or self.moves:
+            return 0.0
+        self.internal.settle()
+        return sink.balance(then, dt) or 0.0
 
     def _set_coefficients(self, dt: float) -> None:
         """Set the coefficients of a step, the inertia of coarser lattices, and whether the tangent may be kept."""
@@ -551,7 +564,7 @@ class BuiltImplicit(StaticSystem):
         """The scales and the step, for a bitwise identical restart."""
         return {
             **super().host_state(), "wanted": self._wanted, "largest": self._largest, "last": self._last,
-            "smooth": self._smooth, "since": self._since,
+            "smooth": self._smooth, "since": self._since, "balance": self._balance,
             "jumps": self.tears.jumps if self.tears else [],
         }  # fmt: skip
 
@@ -560,6 +573,7 @@ class BuiltImplicit(StaticSystem):
         super().restore(state)
         self._wanted, self._largest = state["wanted"], state["largest"]
         self._last, self._smooth, self._since = state["last"], state["smooth"], state["since"]
+        self._balance = state["balance"]
         if self.tears is not None:
             self.tears.jumps = [tuple(jump) for jump in state["jumps"]]
         if self._last > 0.0:

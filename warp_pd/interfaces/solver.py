@@ -153,6 +153,10 @@ class FrameSink(Protocol):
         """Record a row of the history between frames, after a step of dt [s]; the host reads nothing."""
         return None
 
+    def balance(self, now: float, dt: float) -> float | None:
+        """Error of the energy balance at the time `now` [s], after a step of dt [s]; None where there is no balance."""
+        return None
+
     def progress(self, steps: int, residual: float, tolerance: float, round_of: str = "") -> None:
         """Report the progress of a static solver between frames; `round_of` as in "round 2 of contact", or ""."""
         return None

@@ -14,6 +14,7 @@ from ..device.fields import Array
 from ..device.graph import run_once
 from ..device.launches import Stage
 from ..families.partition import Partition
+from ..geometry.sheet import Sheet
 from ..interfaces import BuiltLaw, BuiltPart, Columns
 from ..kernels.block_sums import BLOCK, frame_checks
 from ..kernels.integrate import clock, kinetic_energy
@@ -186,6 +187,16 @@ class EnergyBalance:
     def _largest(self, rows: Sequence[Mapping[str, float]]) -> float:
         """Largest energy or work of some rows [J]."""
         return max(max(abs(row["external"]), abs(sum(row[name] for name in self.stored))) for row in rows)
+
+
+def placing_noise(sheet: Sheet, given: np.ndarray, bits: int) -> float:
+    """Energy [J] times step squared that round-off of an initial displacement [m], (N, 3), can add in a step.
+
+    No frequency exceeds 2 / dt. This is all the energy of a sheet that was placed and waits.
+    """
+    mass = float((sheet.areas * sheet.thickness * sheet.density).sum())
+    apart = float(np.abs(given).max() * np.finfo(f"f{bits // 8}").eps)
+    return 2.0 * mass * apart**2
 
 
 def _at_step(row: Mapping[str, float], step: float) -> Mapping[str, float]:

@@ -23,6 +23,7 @@ from ..geometry.triangulation import CoarseLattice, lattice_triangles
 from ..interfaces import FrameReport, History, Writer
 from ..interfaces.frame import Frame, Surface, format_time
 from ..kernels import numeric
+from ..parts.frame_checks import placing_noise
 from . import stopping
 from .built import Built
 from .checks import TIMED, ShapeWatch, Soundness, adapts_steps
@@ -355,7 +356,8 @@ class Recorder:
         self.soundness = Soundness(self.built)
         self.points = FramePoints(self.built)
         self._watch = ShapeWatch(self.built)
-        self._noise = 0.0 if self.built.simulation.initial_displacement is None else self._round_off()
+        placed, context = self.built.simulation.initial("initial_displacement"), self.built.context
+        self._noise = placing_noise(context.whole, placed, context.bits)
         if self.built.simulation.has_fine_history:
             self.fine = FineHistory(self.built)
         self._clock = self._asked_at = perf_counter()
@@ -405,6 +407,15 @@ class Recorder:
         """Record a row of the finer history."""
         if self.fine is not None:
             self.fine.keep(now, dt)
+
+    def balance(self, now: float, dt: float) -> float | None:
+        """Error of the energy balance after a step of dt [s] between frames, as in the history; None without one."""
+        built = self.built
+        if not built.energy.balances:
+            return None
+        built.context.run("frame")
+        row = {"time": now, "step": dt} | built.columns[0].at_frame(built.sums.totals(), now - self.time)
+        return built.energy.error(self.history, row, self._least_energy(now, dt))
 
     def stepped(self, now: float, dt: float, steps: int) -> None:
         """Show the progress and the time left between frames, from time to time."""
@@ -540,16 +551,6 @@ class Recorder:
     def _least_energy(self, now: float, dt: float) -> float:
         """Energy that round-off of the initial displacement may add until `now` [s] in steps of `dt` [s]."""
         return self._noise * (1.0 + now / dt) / dt**2 if dt > 0.0 else 0.0
-
-    def _round_off(self) -> float:
-        """Energy [J] times step squared that round-off of the initial displacement can add in a step.
-
-        No frequency exceeds 2 / dt. This is all the energy of a sheet that was placed and waits.
-        """
-        sheet, given = self.built.context.whole, self.built.simulation.initial("initial_displacement")
-        mass = float((sheet.areas * sheet.thickness * sheet.density).sum())
-        apart = float(np.abs(given).max() * np.finfo(f"f{self.built.context.bits // 8}").eps)
-        return 2.0 * mass * apart**2
 
     def _measure(self, frame: Frame, row: dict[str, float]) -> None:
         """Add the measures of the scene to a row."""

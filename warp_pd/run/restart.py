@@ -24,7 +24,7 @@ from .own_code import own_code
 from .recorder import Recorder
 from .scene import Scene
 
-VERSION = 12
+VERSION = 13
 # Numbers of the recorder that a restart keeps, and their types; those that are finite; arrays that are.
 NUMBERS: dict[str, Any] = {
     "frame_index": int, "time": int | float, "steps": int, "dt": int | float, "stable_dt": int | float | None,
