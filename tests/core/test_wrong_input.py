@@ -18,7 +18,7 @@ from warp_pd import (
     Sheet,
     Simulation,
 )
-from warp_pd.device.checks import show
+from warp_pd.device.checks import show, suggestion
 
 FLAT = {"thickness": 1e-3, "density": 1000.0}
 
@@ -135,3 +135,8 @@ def test_a_region_is_an_array_of_indices():
     left = sheet.edges("left")
     assert left.dtype == np.int32 and (left == np.flatnonzero(sheet.points[:, 0] < 1e-9)).all()
     assert type(sheet.points[left]) is np.ndarray and type(np.isin(np.arange(81), left)) is np.ndarray
+
+
+def test_only_a_word_like_it_is_suggested():
+    fields = ["cauchy", "stretch", "damage"]
+    assert [suggestion(text, fields) for text in ("cauchi", "nosuch", "")] == [" (did you mean 'cauchy'?)", "", ""]

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import ast
-import difflib
 import inspect
 import re
 from collections.abc import Mapping
 from typing import Any
 
-from ..device.checks import InputError, one_of
+from ..device.checks import InputError, one_of, suggestion
 
 TRUTH = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
 
@@ -20,8 +19,7 @@ def converted(key: str, value: Any, parameters: Mapping[str, inspect.Parameter])
     Without a default, or if that is None and the annotation names no number, parse it as a Python literal.
     """
     if key not in parameters:
-        nearest = difflib.get_close_matches(key, list(parameters), n=1, cutoff=0.6)
-        hint = f" (did you mean {nearest[0]!r}?)" if nearest else ""
+        hint = suggestion(key, parameters)
         if key == "duration" and {"speed", "travel"} <= set(parameters):
             hint = " (the duration is travel / speed)"
         raise InputError(f"{key} is not an argument of this scene; expected one of {', '.join(parameters)}{hint}")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import contextlib
-import difflib
 import functools
 import hashlib
 import importlib
@@ -20,7 +19,7 @@ from pathlib import Path
 from types import CodeType
 from typing import Any
 
-from ..device.checks import InputError, kind_and_text, user_code
+from ..device.checks import InputError, kind_and_text, suggestion, user_code
 from ..device.cores import no_collection
 from .arguments import converted, is_plain, plain
 from .scene_text import WrittenBuild
@@ -38,8 +37,7 @@ def require_scene(name: str) -> None:
         names = scene_names()
         if name not in names:
             file = f"{name}.py"
-            near = [file] if Path(file).is_file() else difflib.get_close_matches(name, names, n=1, cutoff=0.6)
-            hint = f" (did you mean {near[0]!r}?)" if near else ""
+            hint = suggestion(file, [file]) if Path(file).is_file() else suggestion(name, names)
             raise InputError(f"scene = {name!r}: expected a name from `warp-pd list`, or a Python file, *.py{hint}")
     elif not Path(name).is_file():
         raise InputError(f"scene = {name!r}: the file does not exist")
@@ -106,8 +104,7 @@ def _meant(error: Exception) -> str:
     if called is None:
         return ""
     names = [name for name in inspect.signature(called).parameters if name != "self"]
-    nearest = difflib.get_close_matches(found[2], names, n=1, cutoff=0.5)
-    return f" (did you mean {nearest[0]!r}?)" if nearest else f"; expected one of {', '.join(names)}"
+    return suggestion(found[2], names) or f"; expected one of {', '.join(names)}"
 
 
 def require_settings(name: str, settings: Mapping[str, Any], values: bool = True) -> None:

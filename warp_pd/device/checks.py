@@ -12,6 +12,8 @@ import numpy as np
 
 # Entries of an array, characters of a text that a message shows, and characters of a message.
 MAX_SHOWN, MAX_TEXT, MAX_MESSAGE = 6, 90, 700
+# Share of the letters that a mistyped word has in common with the one it may mean; words of half of them differ.
+LIKE = 0.6
 # Exit codes of the command line.
 WRONG_INPUT, DIVERGED, LOST = 2, 3, 4
 
@@ -189,10 +191,14 @@ def one_of(name: str, value: Any, allowed: Iterable[Any]) -> Any:
     # Comparing an array with a choice would be ambiguous.
     if not isinstance(value, np.ndarray) and value in choices:
         return value
-    words = [c for c in choices if isinstance(c, str)]
-    nearest = difflib.get_close_matches(str(value), words, n=1, cutoff=0.5)
-    hint = f" (did you mean {nearest[0]!r}?)" if nearest else ""
+    hint = suggestion(str(value), [c for c in choices if isinstance(c, str)])
     raise InputError(f"{name} = {show(value)}: expected one of {', '.join(repr(c) for c in choices)}{hint}")
+
+
+def suggestion(text: str, words: Iterable[str]) -> str:
+    """The word that a mistyped text may mean, for the end of a message; "" if none is like it."""
+    nearest = difflib.get_close_matches(text, list(words), n=1, cutoff=LIKE)
+    return f" (did you mean {nearest[0]!r}?)" if nearest else ""
 
 
 def device_name(value: str | None) -> str | None:

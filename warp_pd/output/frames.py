@@ -52,6 +52,11 @@ class SavedFrame:
         """Displacement [m], shape (N, 3)."""
         return self["displacement"]
 
+    @property
+    def velocity(self) -> NDArray[Any]:
+        """Velocity [m/s], shape (N, 3)."""
+        return self["velocity"]
+
 
 class Frames(Sequence[SavedFrame]):
     """The frames of a file, each read on access: `frames[-1]`, `frames[::10]`, `for frame in frames`.

@@ -271,7 +271,14 @@ def read_series(path: str | os.PathLike[str]) -> SeriesInfo:
 
 def _reading(path: str | os.PathLike[str]) -> contextlib.AbstractContextManager[None]:
     """Context in which a file may turn out to be damaged: one line instead of any error of HDF5 or of numbers in it."""
-    return user_code(lambda error: f"{path}: expected a complete VTKHDF file of frames")
+
+    def text_of(error: Exception) -> str:
+        # HDF5's only sign that this process has the file open with other settings.
+        if isinstance(error, OSError) and any(sign in str(error) for sign in ("locking flag", "already open")):
+            return f"{path}: it is open in this process; expected it to be closed first, or opened with locking=False"
+        return f"{path}: expected a complete VTKHDF file of frames"
+
+    return user_code(text_of)
 
 
 def read_frame(path: str | os.PathLike[str], index: int) -> SeriesFrame:

@@ -1,5 +1,6 @@
 """Frames read from the file of a run, one at a time."""
 
+import h5py
 import numpy as np
 import pytest
 from helpers import refused, square
@@ -28,6 +29,7 @@ def test_frames_are_those_of_the_run(result):
     assert last.index == 5 and last.time == pytest.approx(0.01) and last.when == "t = 0.01 s"
     assert last.displacement == pytest.approx(result.frame.displacement, abs=1e-9)
     assert last.positions == pytest.approx(result.built.simulation.sheet.positions + last.displacement, abs=1e-7)
+    assert last.velocity == pytest.approx(result.frame.velocity, abs=1e-6)
     assert last["stretch_1"].shape == (49,) and last.triangles.shape == (72, 3)
     assert [frame.index for frame in frames] == list(range(6))
     assert frames.at(0.0041).index == 2
@@ -54,6 +56,15 @@ def test_static_frames_say_the_load(tmp_path):
         sheet, Newton(load_steps=2), loads=[Fixed(sheet.edges("all")), Pressure(1.0)]
     ).run(device="cpu", out=tmp_path / "a", usd=False)  # fmt: skip
     assert [frame.when for frame in result.frames][1:] == ["load factor 0.5", "load factor 1"]
+
+
+@pytest.mark.parametrize("mode", ["r", "r+"])
+def test_a_file_that_is_open_is_not_called_damaged(result, mode):
+    path = result.folder / "frames.vtkhdf"
+    with h5py.File(path, mode), refused(match=r"it is open in this process; expected it to be closed first"):
+        Frames(path)
+    with h5py.File(path, mode, locking=False):
+        assert len(Frames(path)) == 6
 
 
 def test_what_is_not_there_is_one_line(result, tmp_path):
