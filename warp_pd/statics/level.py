@@ -138,8 +138,8 @@ class Level:
             for load in self.following:
                 if not load.add_tangent(stage, self.displacement, vector, image):
                     raise InputError(
-                        f"{load.label}: it depends on the displacement, without a tangent: expected the solver "
-                        "Explicit or Relaxation"
+                        f"{load.label}: expected a load with `add_tangent`, as it depends on the displacement, or the "
+                        "solver Explicit or Relaxation"
                     )
         stage.launch(OWNER, self.kernels.hold, self.points, held_mask=self.context.state.held_mask, change=image)
 

@@ -208,8 +208,8 @@ class BondAssociatedTangent:
         response = capabilities(material).response if remembered is None else remembered.response
         if response is None:
             raise InputError(
-                f"material = {type(material).__name__}: expected a material with `response` for the solver Newton; "
-                f"or use the solver Relaxation"
+                f"material = {type(material).__name__}: expected a material with `response`, from which this solver "
+                "takes its tangent; or the solver Explicit or Relaxation"
             )
         tables = stored_on(context.device) and force.families.members <= ROWS_MEMBERS
         self._linearise, self._predict = linearisation(
