@@ -87,6 +87,8 @@ def test_relaxation_sees_short_waves():
     assert note.startswith("Relaxation: ") and "along z" in note
     for by in (1e-2, 0.0):
         assert not notes(run(sheet, Relaxation(), loads=pulled(sheet, by)))
+    # Published weights have no energy.
+    assert not notes(run(sheet, Relaxation(), loads=pulled(sheet, -1e-3), weights="published"))
 
 
 def test_a_finished_run_that_is_resumed_says_it_again(tmp_path):

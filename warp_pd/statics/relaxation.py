@@ -40,6 +40,8 @@ ACCURACY, ROUNDED = 1e-4, 20.0
 # Products of the stiffness in the search for a motion along which the energy falls: for each step, of which two take as
 # long, and at least. Displacement over spacing by which they are found, by precision.
 SHARE, FEWEST_PRODUCTS, REACH = 0.02, 4, {64: 1e-5, 32: 2e-3}
+# Quotient over the largest one that counts as none where differences of forces meet a crease between slack and taut.
+CREASE = 1e-5
 
 
 @dataclass(frozen=True)
@@ -230,13 +232,13 @@ class BuiltRelaxation(BuiltSolver):
     def _fall(self, stable_dt: float | None) -> Falling | None:
         """A motion along which the energy of the final equilibrium falls, if one is found.
 
-        It is not sought where forces have no energy, or may have none, nor on a GPU, where a step takes less time than
-        the host for its part of a search.
+        It is not sought where forces have no energy, or contact may hold points, nor on a GPU, where a step takes less
+        time than the host for its part of a search.
         """
-        context, system, law = self.context, self.system, self.law
-        if not law.has_energy or system.external.following or not stable_dt or not context.device.is_cpu:
-            return None
-        if context.partition is not None:
+        context, law = self.context, self.law
+        conservative = law.has_energy and law.weights != "published"
+        conservative &= all(load.symmetric and load.at_rest is None for load in self.system.external.following)
+        if not (conservative and stable_dt and context.device.is_cpu and context.partition is None):
             return None
         sheet, mass = context.sheet, doubles(self.inertia())[:, None]
         free = (context.held[:, None] >> np.arange(3)) & 1 == 0
@@ -244,6 +246,8 @@ class BuiltRelaxation(BuiltSolver):
         mean, largest, size = float(mass.mean()), (2.0 / stable_dt) ** 2, float(sheet.extent.max())
         reach = REACH[context.bits]
         noise = ROUNDED * UNIT_ROUND_OFF[context.bits] * size / (reach * sheet.spacing) * largest
+        if law.goes_slack:
+            noise = max(noise, CREASE * largest)
         left = LEFT * math.sqrt(context.total(self._squared)) / size
         slack = SLACK * law.slack_stiffness * float(np.mean(sheet.thickness))
         root = np.sqrt(mass)
