@@ -1,12 +1,15 @@
 """Newton and Relaxation: what they compile, and wrong input in one line."""
 
+import gc
+import weakref
+
 import pytest
 from helpers import refused, square
 from hypothesis import given
 from hypothesis import strategies as st
 from small_runs import cli, simulate
 
-from warp_pd import ArcLength, BoundaryForce, Explicit, Fixed, Newton, Relaxation
+from warp_pd import ArcLength, BoundaryForce, Explicit, Fixed, Newton, Pressure, Relaxation
 from warp_pd.geometry.triangulation import Lattice
 from warp_pd.statics.descent import shortening
 from warp_pd.statics.multigrid import coarser
@@ -27,6 +30,21 @@ def test_explicit_runs_compile_no_tangent_and_newton_no_steps():
     assert stepping <= fields["Relaxation"]
     assert not stepping & fields["Newton"]
     assert "kinetic_energy" in kernels["Explicit"] and "kinetic_energy" not in kernels["Newton"]
+
+
+@pytest.mark.parametrize(
+    "solver", [Explicit(1e-3), Relaxation(tolerance=0.5), Newton()], ids=lambda s: type(s).__name__
+)
+def test_arrays_are_free_as_soon_as_nobody_has_the_result(solver):
+    sheet = square(9)
+    result = simulate(sheet, solver, loads=[Fixed(sheet.edges()), Pressure(1.0)]).run(device="cpu")
+    left = [weakref.ref(stored.array) for stored in result.built.context.fields]
+    gc.disable()
+    try:
+        del result
+        assert left and not [array for array in left if array() is not None]
+    finally:
+        gc.enable()
 
 
 def test_the_summary_of_newton_counts_the_finest_lattice():

@@ -10,6 +10,7 @@ them would take most of the memory.
 from __future__ import annotations
 
 import math
+import weakref
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -104,7 +105,7 @@ class BondForces:
     """
 
     def __init__(self, law: BondAssociatedLaw, ring: int | None = None) -> None:
-        self.law = law
+        self.law: BondAssociatedLaw = weakref.proxy(law)
         here, points = whole_families(law), law.points
         self.entries = reverse_entries(law)
         self.strips = [Strip(here.start, here.stop, 0, points)]

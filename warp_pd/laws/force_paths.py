@@ -6,6 +6,7 @@ sums rows of small tables. Those of a GPU are in fast/force_paths.py.
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -63,7 +64,9 @@ class Reference:
     other_families: Any | None = None
 
     def __init__(self, law: BondAssociatedLaw, response: FunctionFactory | None = None) -> None:
-        self.law, self.response = law, response
+        # The law has the path: without a circle its arrays are free as soon as nobody has the law.
+        self.law: BondAssociatedLaw = weakref.proxy(law)
+        self.response = response
 
     @classmethod
     def of(cls, law: BondAssociatedLaw, inverse: np.ndarray, weights: np.ndarray) -> Reference | None:

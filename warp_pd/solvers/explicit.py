@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import weakref
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -111,7 +112,8 @@ class BuiltExplicit(BuiltSolver):
 
     def prepare(self, system: System) -> None:
         """Compose the step."""
-        self.system = system
+        # Which has the solver.
+        self.system: System = weakref.proxy(system)
         step = self.context.stage("step", "every step")
         explicit_step(system, step)
         for part in system.parts:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import weakref
 from collections.abc import Mapping
 from dataclasses import dataclass
 from time import perf_counter
@@ -176,7 +177,9 @@ class BuiltRelaxation(BuiltSolver):
 
     def prepare(self, system: System) -> None:
         """Compose the step, the residual and the stable step."""
-        self.system, context = system, self.context
+        # Which has the solver.
+        self.system: System = weakref.proxy(system)
+        context = self.context
         system.refuse_phases("Relaxation", NOT_IN_RELAXATION)
         dead = system.external.keep_dead_apart()
         step = context.stage("step", "every step")

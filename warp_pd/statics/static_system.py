@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
@@ -78,7 +79,9 @@ class StaticSystem(BuiltSolver):
     def prepare(self, system: System) -> None:
         """Add the stages of residual and tangent."""
         system.refuse_phases(self.name, self.without)
-        self.system, context, state = system, self.context, self.context.state
+        # Which has the solver.
+        self.system = weakref.proxy(system)
+        context, state = self.context, self.context.state
         loads = system.external
         finest = Level(context, system.law, self.tangent, loads.following, loads.contacts, self.tolerance, self.moves)
         dead = system.external.keep_dead_apart()

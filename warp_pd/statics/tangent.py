@@ -364,7 +364,8 @@ class TangentMatrix:
     def __init__(self, tangent: BondAssociatedTangent, stage: Stage, displacement: Array) -> None:
         """Allocate the matrix, and add the launch that fills it after those of the linearisation."""
         force, context = tangent.force, tangent.context
-        self.tangent = tangent
+        # Which has the matrix.
+        self.tangent: BondAssociatedTangent = weakref.proxy(tangent)
         self.free = ((tangent.held[:, None] >> np.arange(3)) & 1 == 0).ravel()
         self._kernels = tangent_matrix(context.bits, context.options.held)
         self._held_mask = context.state.held_mask
