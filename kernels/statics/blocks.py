@@ -124,8 +124,12 @@ _PAIR_BLOCK = """
     }}
     const {real} a = arm[0] * other[0], b = arm[1] * other[1];
     const {real} both = arm[0] * other[1] + arm[1] * other[0], skew = arm[0] * other[1] - arm[1] * other[0];
-    {real} part[6];
-    for (int c = 0; c < 6; ++c) part[c] = a * sums[0][c] + b * sums[1][c] + both * sums[2][c];
+    #if defined(__CUDA_ARCH__)
+        {real} part[6];
+        for (int c = 0; c < 6; ++c) part[c] = a * sums[0][c] + b * sums[1][c] + both * sums[2][c];
+    #else
+        const Lanes part = a * sums[0] + b * sums[1] + both * sums[2];
+    #endif
     const {real} x = skew * sums[0][6], y = skew * sums[0][7], z = skew * sums[1][6];
     {real}* block = ({real}*)(matrix.data + entry);
     block[0] += part[0]; block[1] += part[3] + x; block[2] += part[5] - z;
