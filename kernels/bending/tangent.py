@@ -52,7 +52,7 @@ def bending_tangent(bits: int, curved: bool, breakable: bool) -> BendingTangentK
     Plate, of = plate_tables(bits), triangle_functions(bits, curved, breakable)
     moments_of, bent = of.moments_of, of.bent
     _, _, vector_at, put_vector = components(bits)
-    share_of, row_product = entry_of(vec6, 2), block_row_product(bits)
+    share_of, row_product = entry_of(vec6, 2), block_row_product(bits, bits)
 
     @wp.struct
     class Stencils:

@@ -160,7 +160,7 @@ def pair_adder(bits: int) -> wp.Function:
 
 # Sum of the blocks of a row times the vectors of their columns. A CPU multiplies four numbers of a block at once.
 _ROW_PRODUCT = """
-    const {real}* block = (const {real}*)(matrix.data + begin);
+    const {stored}* block = (const {stored}*)(matrix.data + begin);
     #if defined(__CUDA_ARCH__)
         wp::vec_t<3, {real}> sum;
         for (int e = begin; e < end; ++e, block += 9) {{
@@ -170,13 +170,14 @@ _ROW_PRODUCT = """
         return sum;
     #else
         typedef {real} Lanes __attribute__((vector_size(4 * sizeof({real})), aligned(sizeof({real}))));
+        typedef {stored} Stored __attribute__((vector_size(4 * sizeof({stored})), aligned(sizeof({stored}))));
         Lanes low = {{}}, high = {{}};
         {real} last = 0;
         for (int e = begin; e < end; ++e, block += 9) {{
             const {real}* x = (const {real}*)(vectors.data + columns.data[e]);
             const Lanes here = {{x[0], x[1], x[2], x[0]}}, next = {{x[1], x[2], x[0], x[1]}};
-            low += *(const Lanes*)block * here;
-            high += *(const Lanes*)(block + 4) * next;
+            low += __builtin_convertvector(*(const Stored*)block, Lanes) * here;
+            high += __builtin_convertvector(*(const Stored*)(block + 4), Lanes) * next;
             last += block[8] * x[2];
         }}
         return wp::vec_t<3, {real}>(low[0] + low[1] + low[2], low[3] + high[0] + high[1], high[2] + high[3] + last);
@@ -185,12 +186,14 @@ _ROW_PRODUCT = """
 
 
 @functools.cache
-def block_row_product(bits: int) -> wp.Function:
-    """Function (matrix, columns, vectors, begin, end) -> the sum of its blocks begin to end - 1 times their vectors."""
-    types = numeric(bits)
-    vec3, mat33 = types.vec3, types.mat33
+def block_row_product(bits: int, stored: int) -> wp.Function:
+    """Function (matrix, columns, vectors, begin, end) -> the sum of its blocks begin to end - 1 times their vectors.
 
-    @wp.func_native(_ROW_PRODUCT.format(real="double" if bits == 64 else "float"))
+    The blocks are stored with as many bits as `stored`.
+    """
+    vec3, mat33, name = numeric(bits).vec3, numeric(stored).mat33, {64: "double", 32: "float"}
+
+    @wp.func_native(_ROW_PRODUCT.format(real=name[bits], stored=name[stored]))
     def row_product(
         matrix: wp.array(dtype=mat33), columns: wp.array(dtype=wp.int32), vectors: wp.array(dtype=vec3), begin: int,
         end: int,

@@ -20,6 +20,8 @@ class TangentMatrixKernels:
 
     Attributes:
         product: Derivative of the force along a direction.
+        rough_product: The same with blocks in single precision.
+        round_blocks: Fills these.
         inverse_diagonal: Inverse of the diagonal blocks, without held components.
         mirror: Fills the blocks below the diagonal with the transposes of those above it.
         add_inertia: Adds the inertia of each point to its diagonal block.
@@ -27,6 +29,8 @@ class TangentMatrixKernels:
     """
 
     product: Kernel
+    rough_product: Kernel
+    round_blocks: Kernel
     inverse_diagonal: Kernel
     mirror: Kernel
     add_inertia: Kernel
@@ -39,19 +43,34 @@ def tangent_matrix(bits: int, held: bool) -> TangentMatrixKernels:
     types = numeric(bits)
     real, vec3, mat33 = types.real, types.vec3, types.mat33
     _, inverse_of = block_functions(bits)
-    row_product = block_row_product(bits)
 
-    @kernel(gathers=("direction",))
-    def product(
+    def product_of(stored: int, name: str) -> Kernel:
+        row_product, Block = block_row_product(bits, stored), numeric(stored).mat33
+
+        @kernel(gathers=("direction",), name=name)
+        def product(
+            matrix: wp.array(dtype=Block),
+            starts: wp.array(dtype=wp.int32),
+            columns: wp.array(dtype=wp.int32),
+            direction: wp.array(dtype=vec3),
+            first: int,
+            change: wp.array(dtype=vec3),
+        ):
+            i = wp.tid() + first
+            change[i] = -row_product(matrix, columns, direction, starts[i], starts[i + 1])
+
+        return product
+
+    @kernel()
+    def round_blocks(
         matrix: wp.array(dtype=mat33),
         starts: wp.array(dtype=wp.int32),
-        columns: wp.array(dtype=wp.int32),
-        direction: wp.array(dtype=vec3),
         first: int,
-        change: wp.array(dtype=vec3),
+        rough: wp.array(dtype=wp.mat33f),
     ):
         i = wp.tid() + first
-        change[i] = -row_product(matrix, columns, direction, starts[i], starts[i + 1])
+        for entry in range(starts[i], starts[i + 1]):
+            rough[entry] = wp.mat33f(matrix[entry])
 
     @kernel()
     def inverse_diagonal(
@@ -112,4 +131,5 @@ def tangent_matrix(bits: int, held: bool) -> TangentMatrixKernels:
         i = wp.tid() + first
         change[i] = change[i] - inertia[i] * direction[i]
 
-    return TangentMatrixKernels(product, inverse_diagonal, mirror, add_inertia, resist)
+    products = product_of(bits, "product"), product_of(32, "rough_product")
+    return TangentMatrixKernels(*products, round_blocks, inverse_diagonal, mirror, add_inertia, resist)

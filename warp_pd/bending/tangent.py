@@ -126,9 +126,9 @@ class BendingTangent(Tangent):
         )
         stage.launch(OWNER, self._mirror, n, **rows)
 
-    def add_product(self, stage: Stage, direction: Array, change: Array) -> None:
+    def add_product(self, stage: Stage, direction: Array, change: Array, rough: bool = False) -> None:
         """Add the launches that fill `change` [N] with the derivative of the force along a direction [m]."""
-        self.law.add_product(stage, direction, change)
+        self.law.add_product(stage, direction, change, rough)
         stage.launch(
             OWNER, self._kernels.product, self._context.sheet.size, matrix=self.blocks, starts=self.starts,
             columns=self.columns, direction=direction, change=change,

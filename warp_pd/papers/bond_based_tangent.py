@@ -69,7 +69,7 @@ class BondBasedTangent:
             family=force.struct, blocks=self.blocks, held_mask=self.context.state.held_mask, out=self.inverse_blocks,
         )  # fmt: skip
 
-    def add_product(self, stage: Stage, direction: Array, change: Array) -> None:
+    def add_product(self, stage: Stage, direction: Array, change: Array, rough: bool = False) -> None:
         """Add the launch that fills `change` [N] with the derivative of the force along a direction [m]."""
         force = self.force
         stage.launch(

@@ -125,12 +125,14 @@ class Level:
         """The unbalanced force, its square and what it is compared with, by the arguments of `residual`."""
         return {"unbalanced": self.residual, "squared": self._squared, **self.scale.sums}
 
-    def add_product(self, stage: Stage, vector: Array, image: Array, following: bool = True) -> None:
+    def add_product(
+        self, stage: Stage, vector: Array, image: Array, following: bool = True, rough: bool = False
+    ) -> None:
         """Add the launches of image = K vector, both (N,) vec3, with zero in held components.
 
-        `following`: whether K includes displacement-dependent loads.
+        `following`: whether K includes displacement-dependent loads; `rough`: whether single precision of K will do.
         """
-        self.tangent.add_product(stage, vector, image)
+        self.tangent.add_product(stage, vector, image, rough)
         for contact in self.contacts:
             kernel = self.kernels.add_blocks
             stage.launch(OWNER, kernel, self.points, blocks=contact.blocks, direction=vector, change=image)

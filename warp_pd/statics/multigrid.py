@@ -288,7 +288,7 @@ class Smoother:
         """Add the sweeps from zero, and the product of the solution into `image`."""
         for sweep in range(SWEEPS):
             self._sweep(stage, sweep, fresh=sweep == 0)
-        self.level.add_product(stage, self.solution, self.level.image, following=False)
+        self.level.add_product(stage, self.solution, self.level.image, following=False, rough=True)
 
     def add_up(self, stage: Stage) -> None:
         """Add the sweeps after the coarse correction, in reverse order."""
@@ -298,7 +298,7 @@ class Smoother:
     def _sweep(self, stage: Stage, sweep: int, fresh: bool) -> None:
         level = self.level
         if not fresh:
-            level.add_product(stage, self.solution, level.image, following=False)
+            level.add_product(stage, self.solution, level.image, following=False, rough=True)
         stage.launch(
             OWNER, level.kernels.smooth, level.points,
             inverse_blocks=level.tangent.inverse_blocks, right_side=self.right_side, image=level.image,

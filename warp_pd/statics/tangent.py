@@ -97,8 +97,11 @@ class Tangent(Protocol):
         """
         ...
 
-    def add_product(self, stage: Stage, direction: Array, change: Array) -> None:
-        """Add the launches that fill `change` [N] with the derivative of the force along a direction [m]."""
+    def add_product(self, stage: Stage, direction: Array, change: Array, rough: bool = False) -> None:
+        """Add the launches that fill `change` [N] with the derivative of the force along a direction [m].
+
+        `rough`: whether single precision of the stiffness will do, as in the sweeps of multigrid.
+        """
         ...
 
     def add_turning(self, stage: Stage, direction: Array) -> Array | None:
@@ -251,12 +254,12 @@ class BondAssociatedTangent:
             unit_stiffness=force.unit_stiffness, out=self.inverse_blocks,
         )  # fmt: skip
 
-    def add_product(self, stage: Stage, direction: Array, change: Array) -> None:
+    def add_product(self, stage: Stage, direction: Array, change: Array, rough: bool = False) -> None:
         """Add the launches that fill `change` [N] with the derivative of the force along a direction [m]."""
         force, n = self.force, self.force.points
         if stored_on(self.context.device):
             assert self.matrix is not None
-            self.matrix.add_product(stage, direction, change)
+            self.matrix.add_product(stage, direction, change, rough)
             return
         stage.launch(
             OWNER, matrix_free(force.layout, self.context.options.held)[0], n,
@@ -363,7 +366,7 @@ class TangentMatrix:
 
     def __init__(self, tangent: BondAssociatedTangent, stage: Stage, displacement: Array) -> None:
         """Allocate the matrix, and add the launch that fills it after those of the linearisation."""
-        force, context = tangent.force, tangent.context
+        force, context, self._stage = tangent.force, tangent.context, stage
         # Which has the matrix.
         self.tangent: BondAssociatedTangent = weakref.proxy(tangent)
         self.free = ((tangent.held[:, None] >> np.arange(3)) & 1 == 0).ravel()
@@ -404,12 +407,25 @@ class TangentMatrix:
                 inertia=tangent.inertia, starts=self.starts, columns=self.columns, matrix=self.blocks,
             )  # fmt: skip
 
-    def add_product(self, stage: Stage, direction: Array, change: Array) -> None:
+    def add_product(self, stage: Stage, direction: Array, change: Array, rough: bool) -> None:
         """Add the launch that fills `change` [N] with the derivative of the force along a direction [m]."""
+        rough = rough and self.blocks.dtype is not wp.mat33f
         stage.launch(
-            OWNER, self._kernels.product, self.tangent.force.points,
-            matrix=self.blocks, starts=self.starts, columns=self.columns, direction=direction, change=change,
+            OWNER, self._kernels.rough_product if rough else self._kernels.product, self.tangent.force.points,
+            matrix=self._rough_blocks if rough else self.blocks, starts=self.starts, columns=self.columns,
+            direction=direction, change=change,
         )  # fmt: skip
+
+    @functools.cached_property
+    def _rough_blocks(self) -> Array:
+        """The blocks in single precision, which the stage of the linearisation then fills: half as much to read."""
+        tangent = self.tangent
+        rough = tangent.context.array("rough_matrix", OWNER, wp.mat33f, shape=self.blocks.size, per="once")
+        self._stage.launch(
+            OWNER, self._kernels.round_blocks, tangent.force.points,
+            matrix=self.blocks, starts=self.starts, rough=rough,
+        )  # fmt: skip
+        return rough
 
     def add_inverse_diagonal(self, stage: Stage, inverse_blocks: Array) -> None:
         """Add the launch that inverts the diagonal blocks."""

@@ -58,7 +58,7 @@ class NeuralTangent(Tangent):
         self.bare.add_linearise(stage, displacement, self._no_tension)
         self.near.add_linearise(stage, displacement, tension)
 
-    def add_product(self, stage: Stage, direction: Array, change: Array) -> None:
+    def add_product(self, stage: Stage, direction: Array, change: Array, rough: bool = False) -> None:
         """Add the launches that fill `change` [N] with the derivative of the force along a direction [m]."""
         find_step, displace, difference = differences(self.context.bits)
         n, distance = self.force.points, DISTANCE[self.context.bits] * self.context.sheet.spacing
