@@ -150,6 +150,21 @@ def test_the_tangent_is_the_derivative_of_the_force(case):
         assert inverse[point] @ blocks[point] == pytest.approx(np.eye(3), abs=1e-6)
 
 
+def test_a_rough_product_is_that_of_the_last_tangent_in_single_precision():
+    sheet, parts = CASES["assembled lattice"]
+    level = tangent_of(sheet, loads=[Fixed(left(sheet))], **parts)
+    level.add_product(level.context.stage("rough product", "in this test"), level.vector, level.image, rough=True)
+    assign(level.vector, np.random.default_rng(6).normal(size=(sheet.size, 3)))
+    for share in (0.5, 1.0):
+        assign(level.displacement, share * moved(sheet))
+        level.linearise(0.0)
+        images = []
+        for stage in ("product", "rough product"):
+            level.run(stage)
+            images.append(level.image.numpy().copy())
+        assert 1e-9 < np.abs(images[1] - images[0]).max() / np.abs(images[0]).max() < 1e-6
+
+
 @pytest.mark.parametrize("case", CASES)
 def test_a_family_turns_inside_out_at_the_longest_step(case):
     """There the normal of one intersection is at a right angle to what it was; a shorter step keeps all closer."""
