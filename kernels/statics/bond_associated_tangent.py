@@ -424,15 +424,24 @@ def assembly(layout: Layout) -> tuple[Kernel, Kernel]:
     types = layout.types
     real, vec2, vec3, vec6 = types.real, types.vec2, types.vec3, types.vec6
     mat32, mat33, word_size = types.mat32, types.mat33, WORD
-    f, block_of = family_functions(layout), block_functions(layout.bits)[0]
+    f, columns_of = family_functions(layout), columns_of_gradient(layout.bits)
     Family, (shape_of, levelled) = f.struct, shape_functions(layout)
-    Row = wp.types.vector(length=ROW, dtype=real)
+    Row, Half = wp.types.vector(length=ROW, dtype=real), wp.types.vector(length=8, dtype=real)
     add_pair = pair_adder(layout.bits)
 
     @wp.func
     def moment(family: Family, i: int, k: int):
         """Return c_k xi_k."""
         return (f.influence(family, i, k) * f.area(family, f.neighbour(family, i, k))) * f.bond(family, i, k)
+
+    @wp.func
+    def whole(part: Half, skew: vec3):
+        """The block with a symmetric part (11, 22, 33, 12, 23, 31) and a skew part, whose (23, 31, 12) are given."""
+        return mat33(
+            part[0], part[3] + skew[2], part[5] - skew[1],
+            part[3] - skew[2], part[1], part[4] + skew[0],
+            part[5] + skew[1], part[4] - skew[0], part[2],
+        )  # fmt: skip
 
     @kernel(gathers=("displacement",))
     def stiffen(
@@ -458,27 +467,41 @@ def assembly(layout: Layout) -> tuple[Kernel, Kernel]:
             row = Row()
             inverse, tilt = shape_of(family, displacement, i, j, undamaged)
             if inverse[0] > real(0.0):
-                F = gradient[j, i]
                 S = unit_stiffness * stress[j, i]
                 T = unit_stiffness * moduli[j, i]
                 # Columns of R^-1 K^-1.
                 p = levelled(vec2(inverse[0], inverse[1]), tilt)
                 r = levelled(vec2(inverse[1], inverse[2]), tilt)
-                E11 = block_of(F, S, T, p, p)
-                E12 = block_of(F, S, T, p, r)
-                E22 = block_of(F, S, T, r, r)
-                sym = real(0.5) * (E12 + wp.transpose(E12))
+                F1, F2 = columns_of(gradient[j, i])
+                outer11, outer12, outer22 = Half(), Half(), Half()
                 for a in range(3):
                     b = (a + 1) % 3
-                    row[a] = E11[a, a]
-                    row[3 + a] = E11[a, b]
-                    row[8 + a] = E22[a, a]
-                    row[11 + a] = E22[a, b]
-                    row[16 + a] = sym[a, a]
-                    row[19 + a] = sym[a, b]
-                row[6] = E12[0, 1] - sym[0, 1]
-                row[7] = E12[1, 2] - sym[1, 2]
-                row[14] = E12[2, 0] - sym[2, 0]
+                    outer11[a] = F1[a] * F1[a]
+                    outer11[3 + a] = F1[a] * F1[b]
+                    outer12[a] = real(2.0) * F1[a] * F2[a]
+                    outer12[3 + a] = F1[a] * F2[b] + F2[a] * F1[b]
+                    outer22[a] = F2[a] * F2[a]
+                    outer22[3 + a] = F2[a] * F2[b]
+                # Symmetric parts of the blocks for unit vectors, and the skew part, along the normal.
+                two, half = real(2.0), real(0.5)
+                M11 = two * T[0] * outer11 + T[2] * outer12 + half * T[5] * outer22
+                M12 = T[2] * outer11 + (T[1] + real(0.25) * T[5]) * outer12 + T[4] * outer22
+                M22 = half * T[5] * outer11 + T[4] * outer12 + two * T[3] * outer22
+                for a in range(3):
+                    M11[a] = M11[a] + S[0]
+                    M12[a] = M12[a] + S[1]
+                    M22[a] = M22[a] + S[2]
+                skew = (p[0] * r[1] - p[1] * r[0]) * (T[1] - real(0.25) * T[5]) * wp.cross(F1, F2)
+                E11 = p[0] * p[0] * M11 + two * p[0] * p[1] * M12 + p[1] * p[1] * M22
+                E22 = r[0] * r[0] * M11 + two * r[0] * r[1] * M12 + r[1] * r[1] * M22
+                E12 = p[0] * r[0] * M11 + (p[0] * r[1] + p[1] * r[0]) * M12 + p[1] * r[1] * M22
+                for c in range(6):
+                    row[c] = E11[c]
+                    row[8 + c] = E22[c]
+                    row[16 + c] = E12[c]
+                row[6] = skew[2]
+                row[7] = skew[0]
+                row[14] = skew[1]
                 # The centre moves against all members.
                 centre = vec2(real(0.0), real(0.0))
                 for word in range(family.words):
@@ -486,8 +509,8 @@ def assembly(layout: Layout) -> tuple[Kernel, Kernel]:
                     while members != wp.uint32(0):
                         centre -= moments[i, word * word_size + lowest_bit(members)]
                         members = without_lowest_bit(members)
-                C1 = centre[0] * E11 + centre[1] * E12
-                C2 = centre[0] * wp.transpose(E12) + centre[1] * E22
+                C1 = whole(centre[0] * E11 + centre[1] * E12, centre[1] * skew)
+                C2 = whole(centre[0] * E12 + centre[1] * E22, -centre[0] * skew)
                 of_centre[i, family.members] = of_centre[i, family.members] + centre[0] * C1 + centre[1] * C2
                 for word in range(family.words):
                     members = f.common(family, i, j, word) & f.intact_members(family, i, word)
