@@ -224,8 +224,9 @@ def gallery_page() -> str:
         "# Gallery",
         "",
         "Every scene that comes with the package, at sizes that a laptop runs in seconds to a few minutes. Follow a "
-        "picture to its page: turn the sheet, play it, and choose what colours show. Every run of your own writes "
-        "such a page; see [A run in the browser](viewing.md). `warp-pd run SCENE --help` lists the arguments of a "
+        "picture to its page: turn the sheet, play it, and choose what colours show. A page names the version and the "
+        "date of its run, which may be older than this one. Every run of your own writes such a page; see "
+        "[A run in the browser](viewing.md). `warp-pd run SCENE --help` lists the arguments of a "
         "scene; a run prints its measures beside their references.",
     ]
     for scene in scene_names():

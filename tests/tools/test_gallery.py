@@ -22,7 +22,9 @@ MOST, BLOCK = 5_000_000, 4096
 def test_every_scene_has_a_picture_a_page_and_a_command(scene):
     page = gallery.GALLERY / f"{scene}.html"
     assert page.stat().st_size < 90_000
-    assert f'id="content">{{"title": "{scene}"' in page.read_text(encoding="utf-8")
+    text = page.read_text(encoding="utf-8")
+    assert f'id="content">{{"title": "{scene}"' in text
+    assert re.search(r'"version": "[\d.]+".*"date": "20[-\d]+T', text), "the page of the gallery says that it has both"
     assert f"[![{scene.replace('_', ' ')}](gallery/{scene}.png)](gallery/{scene}.html)" in TEXT
     settings = dict(re.findall(r"--set (\w+)=(\S+)", gallery.command(scene)))
     assert f"`{gallery.command(scene)}`" in TEXT
