@@ -22,8 +22,9 @@ from ..effects import Kernel, Pointwise, kernel, pointwise
 from ..integrate import StepOptions
 from ..threads import synchronize
 from .block_lists import entry_of, list_of_block, place_in_block, sum_of_blocks
-from .body_contact import FOUND, MOVED, REMEMBERED, TAKEN, BodySearch, Given, PointContact, taking
+from .body_contact import FOUND, MOVED, TAKEN, Given, PointContact, taking
 from .body_motion import STEP, change_motion, spin_of, vec6d, wrench
+from .body_search import REMEMBERED, BodySearch
 
 mat66d = wp.types.matrix(shape=(6, 6), dtype=wp.float64)
 # Sums over points: the upper triangle of the matrix, and the right-hand side.
@@ -154,17 +155,18 @@ def finding(of: PointContact) -> tuple[wp.Function, wp.Function]:
     """Functions of a point, in a step and at its end -> speed into the body that it has to lose; -1 for none."""
     BodyContact, position, slipping, rubs = of.search.struct, of.search.position, of.slipping, of.rubs
     touch_in_step, touch_now = of.search.touch_in_step, of.search.touch_now
+    freed, freedom = of.search.freed, of.search.freedom
 
     @wp.func
     def find_inside(i: int, a: BodyContact):
         needed = wp.float64(-1.0)
         touches, n, shift, _pressed, arm = touch_in_step(i, a)
         if touches:
-            needed = wp.length(shift) / wp.float64(a.step[0])
+            needed = freedom(i, n, a) * wp.length(shift) / wp.float64(a.step[0])
             a.rows[i] = wrench(n, arm)
             if wp.static(rubs):
                 a.arms[i] = arm
-                a.slips[i] = slipping(wp.vec3d(a.velocity[i]), arm, position(i, a) + shift - a.place[0], a)
+                a.slips[i] = slipping(wp.vec3d(a.velocity[i]), arm, position(i, a) + freed(i, shift, a) - a.place[0], a)
         a.need[i] = needed
         return needed
 
@@ -199,7 +201,7 @@ def free_contact(of: PointContact, options: StepOptions, rubs: bool) -> FreeCont
     Both share kernels, whose compilation takes longest of all on a GPU.
     """
     damped, tracked = options.damped, options.tracked
-    BodyContact = of.search.struct
+    BodyContact, freedom = of.search.struct, of.search.freedom
     find_inside, find_touching = finding(of)
     project, separate, take_in_step, take_at_end = of.project, of.separate, taking(of, False), taking(of, True)
     sum_equations, sum_given = sum_of_blocks(Equations), sum_of_blocks(Given)
@@ -267,8 +269,9 @@ def free_contact(of: PointContact, options: StepOptions, rubs: bool) -> FreeCont
                 needed = find_inside(i, a)
             if needed >= wp.float64(0.0):
                 count += 1
-                m = weight(a, at_end) * wp.float64(a.mass[i])
-                sums = with_row(sums, m, a.rows[i], -m * needed)
+                j = a.rows[i]
+                m = weight(a, at_end) * wp.float64(a.mass[i]) / freedom(i, wp.vec3d(j[0], j[1], j[2]), a)
+                sums = with_row(sums, m, j, -m * needed)
         return count, sums
 
     @wp.func
@@ -284,15 +287,16 @@ def free_contact(of: PointContact, options: StepOptions, rubs: bool) -> FreeCont
                 speed_left = a.need[i] + wp.dot(j, d)
                 if speed_left > wp.float64(0.0):
                     count += 1
+                    n = wp.vec3d(j[0], j[1], j[2])
+                    free = freedom(i, n, a)
                     m = weight(a, at_end) * wp.float64(a.mass[i])
-                    sums = with_row(sums, m, j, -m * a.need[i])
+                    sums = with_row(sums, m / free, j, -m / free * a.need[i])
                     if wp.static(rubs):
-                        n = wp.vec3d(j[0], j[1], j[2])
                         arm = a.arms[i]
                         slip = a.slips[i] - wp.vec3d(d[0], d[1], d[2]) - wp.cross(wp.vec3d(d[3], d[4], d[5]), arm)
                         slip -= wp.dot(slip, n) * n
                         speed = wp.length(slip)
-                        most = a.friction * speed_left
+                        most = a.friction * speed_left / free
                         if speed > most:
                             sums = with_row(sums, wp.float64(0.0), wrench(slip, arm), m * most / speed)
                         else:

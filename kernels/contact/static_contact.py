@@ -15,7 +15,7 @@ import warp as wp
 
 from ..effects import Kernel, kernel
 from ..numeric import numeric
-from .body_contact import placed_at
+from .body_search import freedom, ignores, placed_at
 from .distances import BodyShape
 
 # Change of the normal within half a spacing above which the surface counts as an edge; the sign of the stiffness of an
@@ -46,14 +46,15 @@ class StaticContactKernels:
 
 
 @functools.cache
-def static_contact(bits: int, distance: wp.Function, curved: bool, held: bool) -> StaticContactKernels:
+def static_contact(bits: int, distance: wp.Function, curved: bool, held: bool, partly: bool) -> StaticContactKernels:
     """Kernels of contact in equilibrium.
 
     Args:
         bits: 32 or 64.
         distance: Signed distance of the shape, see kernels/contact/distances.py.
         curved: Whether the reference positions have a z.
-        held: Whether any component is held; held points ignore the body.
+        held: Whether any component is held; points without a free component ignore the body.
+        partly: Whether any point has held and free components. The supports take the force in held components.
     """
     types = numeric(bits)
     real, vec3, mat33 = types.real, types.vec3, types.mat33
@@ -86,8 +87,11 @@ def static_contact(bits: int, distance: wp.Function, curved: bool, held: bool) -
         x = placed(a.origin, a.reference[i], u)
         n, gap = surface(x, a)
         p = wp.max(wp.float64(0.0), a.multiplier[i] - a.stiffness[0] * gap)
-        if wp.static(held):
+        if wp.static(held and not partly):
             if a.held_mask[i] != wp.uint8(0):
+                p = wp.float64(0.0)
+        if wp.static(partly):
+            if ignores(a.held_mask[i]) or freedom(a.held_mask[i], n) == wp.float64(0.0):
                 p = wp.float64(0.0)
         return x, n, p
 

@@ -29,8 +29,8 @@ from ..effects import Kernel, kernel
 from ..integrate import StepOptions
 from ..numeric import numeric
 from .block_lists import place_in_block, sum_of_blocks
-from .body_contact import placed_at
 from .body_motion import change_motion, spin_of, vec6d, wrench
+from .body_search import free_part, freedom, ignores, placed_at
 from .distances import TINY, BodyShape
 from .narrow_phase import Segments, box_around, nearest_pair, passes_through
 
@@ -74,7 +74,7 @@ class SurfaceContact:
 
 @functools.cache
 def surface_contact(
-    options: StepOptions, distance: wp.Function, moves_freely: bool, rubs: bool, curved: bool, torn: bool
+    options: StepOptions, partly: bool, distance: wp.Function, moves_freely: bool, rubs: bool, curved: bool, torn: bool
 ) -> SurfaceContact:
     """Kernels of contact by triangles; arguments as for `point_contact` (kernels/contact/body_contact.py).
 
@@ -137,9 +137,23 @@ def surface_contact(
     @wp.func
     def mobility(i: int, a: Surface):
         if wp.static(held):
-            if a.held_mask[i] != wp.uint8(0):
+            if ignores(a.held_mask[i]):
                 return wp.float64(0.0)
         return wp.float64(1.0) / wp.float64(a.mass[i])
+
+    @wp.func
+    def freed(i: int, v: wp.vec3d, a: Surface):
+        if wp.static(partly):
+            return free_part(a.held_mask[i], v)
+        else:
+            return v
+
+    @wp.func
+    def freedom_along(i: int, n: wp.vec3d, a: Surface):
+        if wp.static(partly):
+            return freedom(a.held_mask[i], n)
+        else:
+            return wp.float64(1.0)
 
     @wp.func
     def in_reach(f: int, at_end: int, a: Surface):
@@ -268,7 +282,7 @@ def surface_contact(
                 for k in range(3):
                     i = corners[k]
                     pushed, dragged, count = given_to(i, c, pushes, pressed)
-                    change = mobility(i, a) * (pushed + dragged)
+                    change = mobility(i, a) * freed(i, pushed + dragged, a)
                     x[k] = position(i, a) - a.place[0] + drift * change
                     v[k] = wp.vec3d(a.velocity[i]) + change
                     counts[k] = count
@@ -279,16 +293,18 @@ def surface_contact(
                     spot = wp.vec3d()
                     moving = wp.vec3d()
                     full = zero
+                    full_slip = zero
                     sure = bool(True)
                     for k in range(3):
                         b = w[k]
                         spot += b * x[k]
                         moving += b * v[k]
-                        full += b * b * mobility(corners[k], a) * wp.float64(wp.max(counts[k], 1))
+                        ease = b * b * mobility(corners[k], a) * wp.float64(wp.max(counts[k], 1))
+                        full += ease * freedom_along(corners[k], n, a)
+                        full_slip += ease
                         sure = sure and (b == zero or counts[k] > 0)
                     on_body = wp.quat_rotate(a.rotation[0], c.spots[s])
                     relative = moving - (a.motion[0] + wp.cross(a.motion[1], spot))
-                    full_slip = full
                     if wp.static(moves_freely):
                         d = changes[0]
                         yielded = wp.vec3d(d[0], d[1], d[2]) + wp.cross(wp.vec3d(d[3], d[4], d[5]), on_body)

@@ -12,7 +12,7 @@ import pytest
 from helpers import square
 from small_runs import simulate
 
-from warp_pd import BodyForce, BodyPath, Box, Explicit, Free, RigidBall, RigidBody, Sphere, TriangleMesh
+from warp_pd import BodyForce, BodyPath, Box, Explicit, Fixed, Free, RigidBall, RigidBody, Sphere, TriangleMesh
 from warp_pd.scenes import dropped_ball
 
 POINTS, STEPS, START = 9, 300, (0.05, 0.052, 0.01501)
@@ -22,7 +22,10 @@ SLOPE = 0.15
 
 
 def bodies(kind):
-    """The ball of the papers; a sloping plate too heavy to turn; or a free ball, and a body that turns on its path."""
+    """The ball of the papers; a sloping plate too heavy to turn; or a free ball, and a body that turns on its path.
+
+    "held": both touch points of which a support holds one component or two, too.
+    """
     if kind == "ball":
         return RigidBall(0.03, START, (0.0, 0.0, -0.4))
     if kind == "plate":
@@ -33,14 +36,18 @@ def bodies(kind):
         [0.0, 1.0], [(0.055, 0.05, -0.01002), (0.055, 0.05, 0.2)], [(0.0, 0.0, 0.0, 1.0), (0.0, 0.6, 0.0, 0.8)]
     )
     free = RigidBody(Sphere(0.03), Free(MASS, START, (0.1, 0.0, -0.5), (0.0, 30.0, 0.0)), friction=0.3, name="free")
-    return [free, RigidBody(TriangleMesh(*Box((0.05, 0.06, 0.02)).outline(0.0)), path)]
+    box = Box((0.05, 0.06, 0.02))
+    return [free, RigidBody(box if kind == "held" else TriangleMesh(*box.outline(0.0)), path)]
 
 
 @cache
 def steps(kind, damping, precision):
     """Step [s], and states of a small sheet at every step: one dictionary each, with arrays in float64."""
-    load = BodyForce((0.0, 0.0, 2e4 if kind == "plate" else -2e4))
-    simulation = simulate(square(POINTS), Explicit(1.0, damping=damping), loads=[load], contact=bodies(kind))
+    sheet, loads = square(POINTS), [BodyForce((0.0, 0.0, 2e4 if kind == "plate" else -2e4))]
+    if kind == "held":
+        rows = np.arange(sheet.size) // POINTS
+        loads += [Fixed(np.flatnonzero(rows % 2 == 0), "y"), Fixed(np.flatnonzero(rows % 3 == 1), "x")]
+    simulation = simulate(sheet, Explicit(1.0, damping=damping), loads=loads, contact=bodies(kind))
     built = simulation.build("cpu", precision)
     dt = float(np.float32(4e-5))
     for stage in ("start", "setup"):
@@ -52,26 +59,27 @@ def steps(kind, damping, precision):
     names = ["displacement", "velocity", "force", "external", "mass", "work"] + ["dissipated"] * (damping > 0.0)
     found = {name: getattr(state, name) for name in names}
     free = ["free_momenta", "free_given"]
-    felt = {"ball": ["ball_impulse"], "plate": free, "two": ["body_impulse", *free]}[kind]
+    felt = {"ball": ["ball_impulse"], "plate": free}.get(kind, ["body_impulse", *free])
     found |= {name: arrays[name] for name in felt}
-    states = []
+    states, held = [], np.zeros(sheet.size, int) if state.held_mask is None else state.held_mask.numpy()
+    moves = (held[:, None] >> np.arange(3)) & 1 == 0
     for index in range(STEPS + 1):
         if index > 0:
             one.run()
-        states.append({name: np.array(array.numpy(), float) for name, array in found.items()})
+        states.append({name: np.array(array.numpy(), float) for name, array in found.items()} | {"free": moves})
     return dt, states
 
 
 def half_kick(s, dt, damping):
     """Change of the velocity from a full step to the next half step, (N, 3)."""
-    return 0.5 * dt * ((s["force"] + s["external"]) / s["mass"][:, None] - damping * s["velocity"])
+    return s["free"] * 0.5 * dt * ((s["force"] + s["external"]) / s["mass"][:, None] - damping * s["velocity"])
 
 
 def kinetic(s, dt, damping):
     return 0.5 * (s["mass"][:, None] * (s["velocity"] ** 2 - half_kick(s, dt, damping) ** 2)).sum()
 
 
-CASES = [("ball", 40.0, 32), ("ball", 40.0, 64), ("two", 40.0, 64), ("two", 2000.0, 64)]
+CASES = [("ball", 40.0, 32), ("ball", 40.0, 64), ("two", 40.0, 64), ("two", 2000.0, 64), ("held", 40.0, 64)]
 
 
 @pytest.mark.parametrize(("kind", "damping", "precision"), CASES)
@@ -98,11 +106,15 @@ def test_bodies_feel_the_momentum_that_they_give(kind, damping, precision):
         given += (s["mass"][:, None] * (after - before - 2.0 * half_kick(s, dt, damping))).sum(axis=0)
     last = states[-1]
     felt = last["ball_impulse" if kind == "ball" else "body_impulse"].sum(axis=0)
-    if kind == "two":
+    if kind in ("two", "held"):
         lost = MASS * (states[0]["free_momenta"][0] - last["free_momenta"][0] + STEPS * dt * GRAVITY)
         np.testing.assert_allclose(last["free_given"][:3], lost, rtol=0.0, atol=1e-12 * np.abs(lost).max())
         assert min(abs(felt[2]), abs(lost[2])) > 1e-4
         felt += lost
+    if kind == "held":
+        # In the plane the supports take a part of it.
+        assert abs(felt[:2] - given[:2]).min() > 0.01 * abs(given[2])
+        felt, given = felt[2:], given[2:]
     bound = (1e-12 if precision == 64 else 3e-5) * sum(np.abs(v).sum() for v in (felt, given))
     np.testing.assert_allclose(felt, given, rtol=0.0, atol=bound)
 

@@ -14,9 +14,10 @@ from ..context import Context
 from ..device.checks import InputError, resolved
 from ..device.fields import Array
 from ..device.launches import Stage
-from ..interfaces import BuiltContact, BuiltLaw, BuiltPart, Columns, Contact, History, StepLimit
+from ..interfaces import HELD, BuiltContact, BuiltLaw, BuiltPart, Columns, Contact, History, StepLimit
 from ..interfaces.frame import Body
 from ..kernels.contact.body_contact import point_contact
+from ..kernels.integrate import RIGID
 from ..step import Phase
 from .body_checks import MIN_DIAMETER, BodyChecks
 from .body_motion import UNBOUNDED, BodyMotion, jump_notes, origin_of
@@ -40,6 +41,18 @@ ROUNDED = 0.25
 SLACK = 0.05
 # Distance from a body on a path within which points are looked at in every step [spacings].
 MARGIN = 1.0
+
+
+def ignoring(held: np.ndarray) -> np.ndarray:
+    """Whether points with held bits (see `State.held_mask`) ignore bodies: nothing of them is free, or they are in a
+    rigid inclusion.
+    """
+    return np.asarray((held & (HELD | RIGID)) >= HELD)
+
+
+def partly_held(held: np.ndarray) -> bool:
+    """Whether any point has held and free components."""
+    return bool(((held != 0) & ~ignoring(held)).any())
 
 
 @dataclass(frozen=True)
@@ -98,7 +111,9 @@ class BuiltBody(BuiltContact):
         if part.surface:
             from .body_surface import BodySurface
 
-            self._surface = BodySurface(name, context, law, part.shape, self._body, self.motion, self._rubs)
+            self._surface = BodySurface(
+                name, context, law, part.shape, self._body, self.motion, self._rubs, partly_held(context.held)
+            )
         context.require_resolved(part.title)
         self._check_apart()
         curved, origin = sheet.frames is not None, origin_of(context.whole.points)
@@ -146,7 +161,7 @@ class BuiltBody(BuiltContact):
             return
         context, part, motion = self.context, self.part, self.motion
         of = point_contact(
-            context.options, part.shape.distance, part.motion.free, self._rubs, self._curved,
+            context.options, partly_held(context.held), part.shape.distance, part.motion.free, self._rubs, self._curved,
             part.shape.remembering, motion.marks is not None,
         )  # fmt: skip
         at_end, values = phase is Phase.SEPARATE, self._arguments()

@@ -16,7 +16,7 @@ from ..interfaces import BuiltLaw, BuiltLoad, History
 from ..kernels.contact.static_contact import static_contact
 from ..kernels.effects import Kernel
 from ..step import Phase
-from .bodies import BodySettings, BuiltBody
+from .bodies import BodySettings, BuiltBody, ignoring, partly_held
 from .body_checks import bond_bits, passes, sweeps, torn_since
 from .body_motion import UNBOUNDED, jump_notes
 
@@ -72,7 +72,9 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         self.blocks = context.array(f"{name}_stiffness_of_points", name, types.mat33, shape=points)
         self._areas = context.array(f"{name}_areas", name, types.real, context.sheet.areas)
         self._off = context.array(f"{name}_off", name, wp.float64, shape=points)
-        self._kernels = static_contact(context.bits, part.shape.distance, self._curved, context.options.held)
+        self._kernels = static_contact(
+            context.bits, part.shape.distance, self._curved, context.options.held, partly_held(context.held)
+        )
 
     def _contact(self) -> Any:
         part, context = self.part, self.context
@@ -147,7 +149,8 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         """Whether free points with all their bonds moved through the body to positions `now`."""
         shape, rotation, centre = self.part.shape, self.motion.rotation.numpy()[0], np.zeros(3)
         depth = min(self.context.sheet.spacing, PASSING * shape.thinnest())
-        chosen = self.context.held == 0 if torn is None else (self.context.held == 0) & ~torn
+        free = ~ignoring(self.context.held)
+        chosen = free if torn is None else free & ~torn
         return sweeps(
             self._before[chosen], now[chosen], shape, depth, lambda places: self._distances(places, centre, rotation)
         )

@@ -36,8 +36,9 @@ class BodySurface:
     """
 
     def __init__(
-        self, name: str, context: Context, law: BuiltLaw, shape: BodyShape, body: Any, motion: BuiltMotion, rubs: bool
-    ) -> None:
+        self, name: str, context: Context, law: BuiltLaw, shape: BodyShape, body: Any, motion: BuiltMotion, rubs: bool,
+        partly: bool,
+    ) -> None:  # fmt: skip
         self.name, self.context, self._law, self._shape, self._body = name, context, law, shape, body
         sheet = context.sheet
         self._layer = LAYER * min(sheet.spacing, shape.thinnest())
@@ -48,7 +49,7 @@ class BodySurface:
         begins = np.searchsorted(corners.ravel()[order], np.arange(sheet.size + 1)).astype(np.int32)
         free = motion.free_inertia()
         made = self._kernels = kernels.surface_contact(
-            context.options, shape.distance, free is not None, rubs, sheet.frames is not None,
+            context.options, partly, shape.distance, free is not None, rubs, sheet.frames is not None,
             law.intact is not None,
         )  # fmt: skip
 
