@@ -66,7 +66,7 @@ SCENES = {
     "field large": 32,
     "body": 32,
     "relaxed": 64,
-    "taut": 32,
+    "taut": 64,
 }
 
 

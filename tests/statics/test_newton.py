@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 from curved_sheets import small_tube
-from helpers import GENT, square
+from helpers import GENT, NEO, square
 from small_runs import run, simulate
 
 from warp_pd import (
@@ -143,17 +143,15 @@ def test_a_slack_stiffness_lets_newton_and_relaxation_agree_behind_a_crack(fast)
     """A strip with an edge crack under a dead load: slack regions behind the crack come and go without it."""
     sheet = Sheet.rectangle(0.04, 0.02, thickness=1e-3, density=1000.0, points=21).cut((0.021, -0.001), (0.021, 0.0065))
     left, right = sheet.edges("left"), sheet.edges("right")
-    loads = [Fixed(left), Fixed(right, "yz"), PointForce(right, (3.0, 0.0, 0.0))]
+    loads = [Fixed(left), Fixed(right, "yz"), PointForce(right, (7.5e-3, 0.0, 0.0))]
     parts = {"loads": loads, "horizon": 2.015, "weights": "corrected", "law": {"fast": fast}}
-    kept = TensionField(NeoHookean(4e5, 4e7), slack_stiffness=400.0)
+    kept = TensionField(NEO, slack_stiffness=1.0)
     solvers = (Newton(load_steps=4), Relaxation(load_steps=4)) if fast else (Newton(load_steps=4),)
     results = [run(sheet, solver, material=kept, **parts) for solver in solvers]
     assert [result.status for result in results] == ["finished"] * len(solvers)
     energies = [result.history[-1]["strain"] for result in results]
     assert energies == pytest.approx([energies[0]] * len(solvers), rel=1e-5)
-    stiffer = run(
-        sheet, Newton(load_steps=4), material=TensionField(NeoHookean(4e5, 4e7), slack_stiffness=800.0), **parts
-    )
+    stiffer = run(sheet, Newton(load_steps=4), material=TensionField(NEO, slack_stiffness=2.0), **parts)
     # Little is changed by it, in proportion.
     assert 0.0 < energies[0] / stiffer.history[-1]["strain"] - 1.0 < 3e-3
 
