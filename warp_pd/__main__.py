@@ -438,7 +438,7 @@ def film(
         angles = (elevation, azimuth)
     pictures = make(folder, path, field, every=count("--every", every, 1), rate=rate, view=angles, cut=cut)
     remember(folder, path)
-    click.echo(f"  {path}: {pictures} pictures, {pictures / rate:.3g} s")
+    click.echo(f"  {path}: {pictures} picture{'s' * (pictures != 1)}, {pictures / rate:.3g} s")
 
 
 def _draw_again(folder: Path, scene: str | None, pictures: str) -> None:

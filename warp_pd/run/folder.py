@@ -121,7 +121,7 @@ def _is_of_a_run(path: Path) -> bool:
     if path.name in ("history.csv", FINE):
         with path.open("rb") as stream:
             return stream.read(len(HISTORY_BEGINS)) == HISTORY_BEGINS
-    return True
+    return path.name != FIT
 
 
 def results_in(folder: Path) -> list[str]:
@@ -225,7 +225,7 @@ def remember(folder: Path, path: Path) -> None:
     """Note a film or page of the run in a folder in its summary, so that it is removed when another takes its place."""
     summary = run_summary(folder)
     if summary is not None and path.resolve().parent == folder.resolve():
-        summary["made"] = sorted({path.name, *summary.get("made", [])})
+        summary["made"] = sorted({path.name, *map(str, summary.get("made", []))})
         save_summary(folder, summary)
 
 

@@ -54,6 +54,15 @@ def test_what_shows_a_shorter_run_does_not_stay(again, tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == numbers | mine
 
 
+def test_the_folder_of_a_fit_is_not_overwritten_by_a_run(tmp_path):
+    """Its pictures and tables would stay and look like those of the run."""
+    (tmp_path / "fit.json").write_text("{}")
+    sheet = square(7)
+    scene = Simulation(sheet, BondAssociated(NEO), Explicit(1e-3, frames=1), [Fixed(sheet.edges())])
+    with refused(match=r"its fit\.json does not belong to a run; expected another folder$"):
+        scene.run(device="cpu", out=tmp_path, overwrite=True)
+
+
 @pytest.mark.parametrize("usd", [True, False])
 def test_what_a_killed_run_left_unfinished_is_cleared(usd, tmp_path):
     left = [".animation.unfinished.usdc", ".frames.vtkhdf.unfinished", "restart.npz.part",
