@@ -257,6 +257,7 @@ def test_flat_mesh_of_either_orientation_off_the_plane(tmp_path):
     path = write(tmp_path / "below.vtu", spatial(CORNERS, 0.3), [("triangle", FAN[:, ::-1])])
     sheet = Sheet.from_file(path, unit="m", **FLAT)
     assert sheet.positions[:, 2].tolist() == [0.0] * 5
+    assert sheet.notes == ("the mesh at z = 0.3 m became a sheet at z = 0: move bodies of its drawing, too",)
     assert (signed_areas(sheet.points, sheet.triangles) > 0.0).all()
 
 
@@ -328,7 +329,7 @@ BAD = {
     ),
     "bow tie": (
         bad(SQUARE[[0, 2, 1, 3]], [[0, 1, 2, 3]], "quad"),
-        "face 0 with sides that cross: expected simple polygons",
+        "face 0 with sides that cross or touch: expected simple polygons",
     ),
     "one side": (
         bad(*strip_with_one_side(), "quad"),
@@ -455,7 +456,11 @@ def test_patches_that_meet_within_the_digits_of_a_file_are_one_sheet(tmp_path, s
     sheet = Sheet.from_file(write(tmp_path / "a.vtu", points, [("triangle", triangles)]), unit="m", **FLAT)
     assert sheet.size == 45 and len(sheet.triangles) == 64 and sheet.areas.sum() == pytest.approx(2.0, rel=2e-4)
     assert len(boundary_edges(sheet.triangles)) == 24 and list(sheet.parts) == ["outline"]
-    assert len(sheet.notes) == 1 and "5 points at the place" in sheet.notes[0] and "1 seam of" in sheet.notes[0]
+    assert (
+        len(sheet.notes) == 1 + (away > 0.0)
+        and "5 points at the place" in sheet.notes[0]
+        and "1 seam of" in sheet.notes[0]
+    )
 
 
 def test_curved_patches_are_merged_too(tmp_path):
@@ -615,6 +620,8 @@ def test_sets_of_abaqus_are_parts(tmp_path):
         ("40, 0., 2.", "10, 0., 2.", "node 10 occurs twice"),
         ("*Node\n", "*Node, system=C\n", "*NODE, SYSTEM=C: expected rectangular coordinates, R"),
         ("3, 30, 40, 50", "2, 30, 40, 50", "element 2 occurs twice"),
+        ("*Boundary", "*Include, input=all.msh\n*Boundary", "all.msh' does not exist: expected a file"),
+        ("*Node\n", "*Node, input=all.msh\n", "*NODE, INPUT=all.msh: "),
         (
             "*Boundary",
             "*Instance, name=a, part=b\n*Instance, name=c, part=B\n*Boundary",
@@ -774,6 +781,44 @@ def test_face_sets_of_usd_are_parts(tmp_path):
     UsdGeom.Subset.CreateGeomSubset(mesh, "patch", UsdGeom.Tokens.face, [1])
     stage.Save()
     assert Sheet.from_file(path, unit="m", **FLAT).parts["patch"].tolist() == [1, 2, 4]
+
+
+@pytest.mark.parametrize("face", [-1, 4])
+def test_wrong_face_sets_of_usd(tmp_path, face):
+    path = write_usd(tmp_path / "a.usda", spatial(CORNERS[:5]), FAN)
+    stage = Usd.Stage.Open(str(path))
+    UsdGeom.Subset.CreateGeomSubset(UsdGeom.Mesh.Get(stage, "/World/Sheet"), "patch", UsdGeom.Tokens.face, [1, face])
+    stage.Save()
+    with refused(match=f"/World/Sheet: patch has face {face}: expected 0 to 3"):
+        read_mesh(path, unit="m")
+
+
+def test_a_mesh_of_usd_without_points_is_refused(tmp_path):
+    with refused(match="/World/Sheet has no points: expected a mesh"):
+        read_mesh(write_usd(tmp_path / "a.usda", [], []), unit="m")
+
+
+def test_y_up_becomes_z_up(tmp_path):
+    """A plane and a cube of one file with y up are a flat sheet and a cube over it; one with z up is as it is."""
+    stage = Usd.Stage.CreateNew(str(tmp_path / "up.usda"))
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    across = CORNERS[:5] * (1.0, -1.0)
+    write_usd(None, np.insert(across, 1, 2.0, axis=1), FAN, stage=stage, meters=1.0)
+    write_usd(None, cube()[0] + (5.0, 3.0, 0.0), cube()[1], stage=stage, name="Cube")
+    plane, above = (read_mesh(tmp_path / "up.usda", part=part) for part in ("Sheet", "Cube"))
+    assert plane.vertices.tolist() == spatial(CORNERS[:5], 2.0).tolist() and above.vertices[:, 2].min() == 3.0
+    assert volume(above) == pytest.approx(1.0) and above.vertices[:, 1].tolist() == (-cube()[0][:, 2]).tolist()
+    assert "y is up in the file" in plane.notes[0]
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+    stage.Save()
+    same = read_mesh(tmp_path / "up.usda", part="Cube")
+    assert same.vertices[:, 1].min() == 3.0 and not same.notes
+
+
+def test_a_polygon_that_touches_itself_is_refused(tmp_path):
+    points = [(-0.5, 0.5, -0.5), (0.5, 0.5, -0.5), (0.5, -0.5, -0.5), (-0.5, -0.5, -0.5), (0.7, 0.7, 0.7)]
+    with refused(match="face 0 with sides that cross or touch"):
+        read_mesh(write_usd(tmp_path / "a.usda", points, [range(5)]), unit="m")
 
 
 OFF = """{} # made by hand

@@ -83,7 +83,7 @@ def _read(path: Path, model: _Model, where: str) -> None:
         if options.get("SYSTEM", "R").upper() != "R":
             raise InputError(f"{where}: *{keyword}, SYSTEM={options['SYSTEM']}: expected rectangular coordinates, R")
         if "INPUT" in options and keyword != "INCLUDE":
-            rows = [*here, *_data(_lines(path.parent / options["INPUT"]))]
+            rows = [*here, *_data(_lines(_other_file(path, keyword, options, where)))]
         if keyword == "NODE":
             nodes = {int(row[0]): [float(value or 0.0) for value in row[1:4]] for row in rows}
             if again := [node for node in nodes if node in model.nodes]:
@@ -99,7 +99,7 @@ def _read(path: Path, model: _Model, where: str) -> None:
                 raise InputError(f"{where}: *{keyword}: expected {keyword}=name")
             sets.setdefault(name, []).extend(_members(sets, model, options, rows, where, name))
         elif keyword == "INCLUDE":
-            _read(path.parent / options["INPUT"], model, where)
+            _read(_other_file(path, keyword, options, where), model, where)
         elif keyword in ("NGEN", "NFILL", "NCOPY", "ELGEN", "ELCOPY", "SYSTEM", "NMAP"):
             raise InputError(f"{where}: *{keyword} is not read: expected all nodes and elements in the file")
         elif keyword == "INSTANCE":
@@ -108,6 +108,14 @@ def _read(path: Path, model: _Model, where: str) -> None:
             if (part := options.get("PART", "").upper()) in model.placed:
                 raise InputError(f"{where}: *INSTANCE repeats the part {options['PART']!r}: expected one of each part")
             model.placed.add(part)
+
+
+def _other_file(path: Path, keyword: str, options: dict[str, str], where: str) -> Path:
+    """The file that a keyword of another one reads."""
+    name = options.get("INPUT", "")
+    if not (found := path.parent / name).is_file():
+        raise InputError(f"{where}: *{keyword}, INPUT={name}: {str(found)!r} does not exist: expected a file")
+    return found
 
 
 def _add_elements(model: _Model, options: dict[str, str], words: list[int], where: str) -> None:

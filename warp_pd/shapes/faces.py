@@ -16,7 +16,7 @@ def triangulate(
 
     A quadrilateral is divided along its shorter interior diagonal, a face with more corners by a constrained Delaunay
     triangulation. `counts` are the numbers of corners, 3 or more, `corners` the points of all faces in turn.
-    Raises InputError, which begins with `where`, if a face intersects itself.
+    Raises InputError, which begins with `where`, if a face crosses or touches itself.
     """
     start = np.concatenate([[0], np.cumsum(counts)[:-1]])
     threes, fours = np.flatnonzero(counts == 3), np.flatnonzero(counts == 4)
@@ -59,7 +59,7 @@ def repeated_faces(counts: np.ndarray, corners: np.ndarray) -> np.ndarray:
 
 def _refuse_crossed(where: str, faces: np.ndarray) -> None:
     if len(faces):
-        raise InputError(f"{where}: {listed(faces, 'face')} with sides that cross: expected simple polygons")
+        raise InputError(f"{where}: {listed(faces, 'face')} with sides that cross or touch: expected simple polygons")
 
 
 def _halves(points: np.ndarray, quads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -79,7 +79,7 @@ def _halves(points: np.ndarray, quads: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def _divided(loop: np.ndarray) -> np.ndarray | None:
-    """Triangles of one polygon, (n, 3), projected onto its mean plane, shape (n - 2, 3); None if its sides cross."""
+    """Triangles of one polygon, (n, 3), projected onto its mean plane, shape (n - 2, 3); None if it touches itself."""
     import shapely
 
     centred = loop - loop.mean(axis=0)
@@ -87,10 +87,11 @@ def _divided(loop: np.ndarray) -> np.ndarray | None:
     axis = int(np.argmax(np.abs(normal)))
     flat = np.delete(centred, axis, axis=1)
     polygon = shapely.Polygon(flat)
-    if not polygon.is_valid:
-        return None
     corner = {place: k for k, place in enumerate(map(tuple, flat.tolist()))}
-    pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
+    pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon)) if polygon.is_valid else []
+    # A ring that touches itself is divided into fewer triangles.
+    if len(pieces) != len(loop) - 2:
+        return None
     triangles = np.array([[corner[place] for place in piece.exterior.coords[:3]] for piece in pieces])
     upward = normal[axis] * (-1.0 if axis == 1 else 1.0)
     turned = signed_areas(flat, triangles) * upward < 0.0

@@ -61,10 +61,11 @@ def read_mesh(
 ) -> Mesh:
     """Read the triangulated surface from a file.
 
-    Quadrilaterals and polygons are divided into triangles. Second-order elements are reduced to their corners. Points
-    without a triangle are dropped, as are line and point elements, but groups of points, lines and faces become
-    `parts`; those without a name are "line 3", "surface 7", ... by their number. Points
-    nearer than 0.001 of the shortest edge at either are merged, and faces listed twice are read once; `notes` say so.
+    Quadrilaterals and polygons are divided into triangles. Second-order elements are reduced to their corners. A USD
+    file with y up (upAxis) is turned to z up. Points without a triangle are dropped, as are line and point elements,
+    but groups of points, lines and faces become `parts`; those without a name are "line 3", "surface 7", ... by their
+    number. Points nearer than 0.001 of the shortest edge at either are merged, and faces listed twice are read once;
+    `notes` say so.
 
     Args:
         path: A USD file (.usd, .usda, .usdc), an .obj or Abaqus .inp file, or any file that meshio reads: .msh, .stl,
@@ -77,7 +78,7 @@ def read_mesh(
     Raises:
         InputError: if the file is missing or unreadable, or the unit is missing. Also, naming the indices: for no
             triangles, missing points, coordinates that are not finite, triangles without area, hanging nodes, edges
-            with more than two triangles, flipped or folded triangles, pieces that overlap, or volume elements.
+            with more than two triangles, flipped or folded triangles, flat pieces that overlap, or volume elements.
     """
     file = existing_file(path)
     one_of("closed", closed, (True, False))
@@ -138,9 +139,15 @@ def flat_shape(mesh: Mesh, graded: bool = False) -> Shape:
     edges = boundary_edges(triangles)
     rings = ring_names(points, edges)
     both = [name for name in (*rings, *SIDES, "all") if name in mesh.parts]
+    height, extent = float(mesh.vertices[0, 2]), float(np.ptp(points, axis=0).max())
+    lowered = f"the mesh at z = {height:g} m became a sheet at z = 0: move bodies of its drawing, too"
     return replace(
         cloud(points, triangles, voronoi_areas(points, triangles), None, graded=graded),
         barriers=edges,
         parts={**rings, **mesh.parts},
-        notes=(*mesh.notes, *(f"part {name!r} is the group of that name in the file, not the edge" for name in both)),
+        notes=(
+            *mesh.notes,
+            *([lowered] if abs(height) > FLAT * extent else ()),
+            *(f"part {name!r} is the group of that name in the file, not the edge" for name in both),
+        ),
     )

@@ -49,8 +49,9 @@ class Faces:
 
 
 def read_usd(path: Path, part: str | None) -> Faces:
-    """Read the faces of a UsdGeom.Mesh at its first time sample, in world coordinates.
+    """Read the faces of a UsdGeom.Mesh at its first time sample, in world coordinates with z up.
 
+    Where the file says that y is up (upAxis), y becomes z and z becomes -y; a note says so.
     For a mesh with a subdivision scheme these are the control points. Holes (`holeIndices`) are left out. `part` is the
     name or path of the prim; None if the file has only one mesh. Raises InputError if there is no such mesh.
     """
@@ -66,6 +67,8 @@ def read_usd(path: Path, part: str | None) -> Faces:
     points = np.array(mesh.GetPointsAttr().Get(first) or [], np.float64).reshape(-1, 3)
     counts = np.array(mesh.GetFaceVertexCountsAttr().Get(first) or [], np.int64)
     corners = np.array(mesh.GetFaceVertexIndicesAttr().Get(first) or [], np.int64)
+    if len(points) == 0:
+        raise InputError(f"path = {str(path)!r}: {mesh.GetPath()} has no points: expected a mesh")
     if counts.sum() != len(corners) or (counts < 0).any():
         raise InputError(f"path = {str(path)!r}: {mesh.GetPath()}: {len(corners)} corners: expected {counts.sum()}")
     world = np.array(mesh.ComputeLocalToWorldTransform(first))
@@ -76,17 +79,29 @@ def read_usd(path: Path, part: str | None) -> Faces:
     kept = ~np.isin(np.arange(len(counts)), holes)
     number = np.cumsum(kept) - 1
     subsets = {each.GetPrim().GetName(): each for each in UsdGeom.Subset.GetAllGeomSubsets(mesh)}
-    groups = {name: np.array(each.GetIndicesAttr().Get(first) or [], np.int64) for name, each in subsets.items()}
+    groups = {
+        name: np.array(each.GetIndicesAttr().Get(first) or [], np.int64)
+        for name, each in subsets.items()
+        if each.GetElementTypeAttr().Get() == UsdGeom.Tokens.face
+    }
+    for name, faces in (*groups.items(), ("holeIndices", holes)):
+        if len(bad := faces[(faces < 0) | (faces >= len(counts))]):
+            raise InputError(
+                f"path = {str(path)!r}: {mesh.GetPath()}: {name} has face {bad[0]}: expected 0 to {len(counts) - 1}"
+            )
+    points, notes = points @ world[:3, :3] + world[3, :3], []
+    if not stage.HasAuthoredMetadata(UsdGeom.Tokens.upAxis):
+        notes = ["the file does not say which axis is up (upAxis): z was taken"] if np.ptp(points[:, 2]) else []
+    elif UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y:
+        points = points[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
+        notes = ["y is up in the file: (x, y, z) became (x, -z, y)"]
     return Faces(
-        points=points @ world[:3, :3] + world[3, :3],
+        points=points,
         counts=counts[kept],
         corners=corners[np.repeat(kept, counts)],
         meters=UsdGeom.GetStageMetersPerUnit(stage) if UsdGeom.StageHasAuthoredMetersPerUnit(stage) else None,
-        groups={
-            name: number[faces[kept[faces]]]
-            for name, faces in groups.items()
-            if subsets[name].GetElementTypeAttr().Get() == UsdGeom.Tokens.face
-        },
+        groups={name: number[faces[kept[faces]]] for name, faces in groups.items()},
+        notes=notes,
     )
 
 
