@@ -1,10 +1,11 @@
-"""Contact of bodies with points of which a support holds some components: planes of symmetry, plane strain."""
+"""Contact of bodies with points of which a support holds some components: planes of symmetry, plane strain; notes on
+points that ignore bodies."""
 
 from functools import cache
 
 import numpy as np
 import pytest
-from helpers import MU, NEO
+from helpers import MU, NEO, square
 
 from warp_pd import (
     BodyPath,
@@ -105,6 +106,31 @@ def test_a_strip_in_plane_strain_is_not_passed(solver, components):
     assert away.min() > 0.025 - 1e-7
     assert force[2] < -0.01 * MU * 1e-3 * 0.02
     assert np.abs(force[:2]).max() < 0.01 * -force[2]
+
+
+def test_a_body_that_goes_into_points_held_along_its_normal_is_noted():
+    path = BodyPath([0.0, 0.1], [(0.06, -0.0255, 0.0), (0.06, -0.0235, 0.0)])
+    _, result = strip("y", Sphere(0.05), Explicit(0.1, frames=2, damping=40.0), motion=path)
+    (note,) = [note for note in result.summary["notes"] if "'body'" in note]
+    assert "went into points that supports hold nearly along its normal" in note
+    assert note.endswith("(at 0.05 s, up to 0.0015 m deep)")
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_a_body_that_goes_into_a_rigid_inclusion_is_noted_with_the_depth(held):
+    """A sphere wider than the inclusion, which the sheet around it keeps off, and one that passes through."""
+    sheet = square(11).inclusion((0.05, 0.05), 0.025)
+    loads = [Fixed(sheet.edges("all")), *([Fixed(sheet.inclusions[0])] if held else [])]
+    path = BodyPath([0.0, 0.02, 0.2], [(0.05, 0.05, 0.0155), (0.05, 0.05, 0.01), (0.05, 0.05, -0.05)])
+    for duration, deep in ((0.02, "(at 0.02 s, up to 0.005 m deep)"), (0.2, "inclusion (at 0.2 s)")):
+        result = Simulation(
+            sheet, BondAssociated(NEO), Explicit(duration, frames=1), loads=loads,
+            contact=RigidBody(Sphere(0.03), path, name="ball"),
+        ).run(device="cpu")  # fmt: skip
+        (note,) = [note for note in result.summary["notes"] if "inclusion" in note]
+        assert "'ball' went into a rigid inclusion of the sheet, whose points ignore bodies" in note
+        assert not any("surface=True" in each for each in result.summary["notes"])
+        assert note.endswith(deep)
 
 
 @pytest.mark.parametrize("surface", [False, True])

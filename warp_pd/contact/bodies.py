@@ -14,12 +14,11 @@ from ..context import Context
 from ..device.checks import InputError, resolved
 from ..device.fields import Array
 from ..device.launches import Stage
-from ..interfaces import HELD, BuiltContact, BuiltLaw, BuiltPart, Columns, Contact, History, StepLimit
+from ..interfaces import BuiltContact, BuiltLaw, BuiltPart, Columns, Contact, History, StepLimit
 from ..interfaces.frame import Body
 from ..kernels.contact.body_contact import point_contact
-from ..kernels.integrate import RIGID
 from ..step import Phase
-from .body_checks import MIN_DIAMETER, BodyChecks
+from .body_checks import MIN_DIAMETER, BodyChecks, ignoring
 from .body_motion import UNBOUNDED, BodyMotion, jump_notes, origin_of
 from .body_shapes import BodyShape, in_frame, on_device, signed_distances
 
@@ -41,13 +40,6 @@ ROUNDED = 0.25
 SLACK = 0.05
 # Distance from a body on a path within which points are looked at in every step [spacings].
 MARGIN = 1.0
-
-
-def ignoring(held: np.ndarray) -> np.ndarray:
-    """Whether points with held bits (see `State.held_mask`) ignore bodies: nothing of them is free, or they are in a
-    rigid inclusion.
-    """
-    return np.asarray((held & (HELD | RIGID)) >= HELD)
 
 
 def partly_held(held: np.ndarray) -> bool:

@@ -16,8 +16,8 @@ from ..interfaces import BuiltLaw, BuiltLoad, History
 from ..kernels.contact.static_contact import static_contact
 from ..kernels.effects import Kernel
 from ..step import Phase
-from .bodies import BodySettings, BuiltBody, ignoring, partly_held
-from .body_checks import bond_bits, passes, sweeps, torn_since
+from .bodies import BodySettings, BuiltBody, partly_held
+from .body_checks import bond_bits, ignoring, passes, sweeps, torn_since
 from .body_motion import UNBOUNDED, jump_notes
 
 # Depth inside a body, over its thickness, at which a point between two equilibria counts as passing through; a point
@@ -160,9 +160,10 @@ class BodyAtRest(BuiltBody, BuiltLoad):
         untouched = self._untouched(history)
         if not self._refused:
             return [untouched] if untouched else jump_notes(self.label, self.part.motion, history)
+        rigid = ", or no rigid inclusions, whose points ignore it" if self.context.sheet.inclusions else ""
         return [
             f"{self.label}: load steps refused because it passed through the sheet: {self._refused}; expected more "
-            "load_steps, a thicker body, or more points"
+            f"load_steps, a thicker body, or more points{rigid}"
         ]
 
     def update_multipliers(self) -> bool:

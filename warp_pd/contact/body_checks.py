@@ -10,8 +10,10 @@ import numpy as np
 import warp as wp
 
 from ..context import Context
-from ..interfaces import BuiltLaw, BuiltPart, History
+from ..device.fields import Array
+from ..interfaces import HELD, BuiltLaw, BuiltPart, History
 from ..interfaces.frame import Body
+from ..kernels.integrate import RIGID
 from .body_shapes import BodyShape
 
 # Smallest diameter in spacings, below which a body passes between points.
@@ -23,8 +25,17 @@ PLACES, MOST_PLACES = 8, 1000
 # Part of the energy there by which the loss of a body may lie below zero, and by which it may fall: while points are in
 # contact it oscillates, by up to 5 % of coarse sheets under a free ball.
 BELOW, FALLEN = 1e-3, 0.1
+# Depth in a body at which points that ignore it are noted [spacings].
+INSIDE = 0.01
 # Halvings of the time at which the plane of a triangle crosses the centre of a body.
 BISECTIONS = 40
+
+
+def ignoring(held: np.ndarray) -> np.ndarray:
+    """Whether points with held bits (see `State.held_mask`) ignore bodies: nothing of them is free, or they are in a
+    rigid inclusion.
+    """
+    return np.asarray((held & (HELD | RIGID)) >= HELD)
 
 
 class Solid(Protocol):
@@ -98,11 +109,22 @@ class BodyChecks(BuiltPart):
     def __init__(self, context: Context, law: BuiltLaw, bodies: Sequence[Solid]) -> None:
         self.context, self.law, self.bodies = context, law, bodies
         self._drawn = {body.label: body.outline() for body in self.bodies}
+        inside = np.zeros(context.sheet.size, bool)
+        inside[[i for members in context.sheet.inclusions for i in members]] = True
+        self._rigid = inside[context.sheet.triangles].any(axis=1) if inside.any() else None
+        kinds = {"rigid": inside, "held": (context.held & HELD != 0) & ~ignoring(context.held) & ~inside}
+        self._ignoring = {kind: np.flatnonzero(chosen) for kind, chosen in kinds.items() if chosen.any()}
         self._texts = self._possible()
         # The number of frames, and the number of the one at which each was found first, or 0.
         self._found = context.array(
             "body_findings", "contact", wp.int32, shape=1 + len(self._texts), per="once", restart=True
         )
+        # The largest depth of points that ignore each body.
+        self._depths: Array | None = None
+        if self._ignoring:
+            self._depths = context.array(
+                "body_depths", "contact", wp.float64, shape=len(self._texts), per="once", restart=True
+            )
         self._before: tuple[np.ndarray, dict[str, np.ndarray]] | None = None
         self._at_start = bond_bits(law)
 
@@ -122,7 +144,15 @@ class BodyChecks(BuiltPart):
                 f"{body.label} passed through the sheet without breaking it: "
                 "expected surface=True, a thicker body, or more points"
             )
-        return texts
+            texts["rigid", body.label] = (
+                f"{body.label} went into a rigid inclusion of the sheet, whose points ignore bodies: expected a body "
+                "that stays off it, or Sheet.stiffened in place of the inclusion"
+            )
+            texts["held", body.label] = (
+                f"{body.label} went into points that supports hold nearly along its normal, and ignore it: expected "
+                "supports that let them yield"
+            )
+        return {key: text for key, text in texts.items() if key[0] not in ("rigid", "held") or key[0] in self._ignoring}
 
     def end_frame(self) -> None:
         """Run the checks for this frame."""
@@ -143,7 +173,9 @@ class BodyChecks(BuiltPart):
         found = {key: frame for key, frame in zip(self._texts, frames, strict=True) if frame}
         times = {key: history[min(frame, len(history)) - 1]["time"] for key, frame in found.items()}
         created = [note for labels in self._overlapping(found) for note in self._created(labels, history)]
-        return [*created, *(f"{self._texts[key]} (at {time:.4g} s)" for key, time in times.items())]
+        deep = {} if self._depths is None else dict(zip(self._texts, self._depths.numpy().tolist(), strict=True))
+        places = {key: f", up to {deep[key]:.3g} m deep" if deep.get(key) else "" for key in times}
+        return [*created, *(f"{self._texts[key]} (at {time:.4g} s{places[key]})" for key, time in times.items())]
 
     def _overlapping(self, found: Container[tuple[str, ...]]) -> list[list[str]]:
         """Labels of the bodies, those together that have overlapped."""
@@ -195,6 +227,7 @@ class BodyChecks(BuiltPart):
         met: set[tuple[str, ...]] = set()
         for body in self.bodies:
             thickness, pose = body.thickness, body.pose()
+            met |= self._inside_of(body, position)
             if thickness is None:
                 continue
             centres[body.label] = pose[:3]
@@ -202,9 +235,26 @@ class BodyChecks(BuiltPart):
                 met.add(("thin", body.label))
             if self._before is not None and body.label in self._before[1]:
                 before, centre = self._before[0], self._before[1][body.label]
-                if passes(before - centre, position - pose[:3], corners, torn):
+                ends = before - centre, position - pose[:3]
+                if passes(*ends, corners if self._rigid is None else corners[~self._rigid], torn):
                     met.add(("passed", body.label))
+                if self._rigid is not None and passes(*ends, corners[self._rigid], torn):
+                    met.add(("rigid", body.label))
         self._before = position, centres
+        return met
+
+    def _inside_of(self, body: Solid, position: np.ndarray) -> set[tuple[str, ...]]:
+        """Which points that ignore a body are inside it."""
+        if self._depths is None:
+            return set()
+        met, depths, least = set(), self._depths.numpy(), INSIDE * self.context.sheet.spacing
+        for index, key in enumerate(self._texts):
+            if key[0] in self._ignoring and key[1] == body.label:
+                depth = -float(body.distance_from(position[self._ignoring[key[0]]]).min())
+                if depth > least:
+                    depths[index] = max(depths[index], depth)
+                    met.add(key)
+        self._depths.assign(depths)
         return met
 
     def _is_thin(self, body: Solid, thickness: float, position: np.ndarray, corners: np.ndarray) -> bool:
