@@ -9,7 +9,9 @@ and what is ahead of the tip then stores less than W: in Mooney-Rivlin rubber G 
 
 `tearing_energy` is Gc [J/m^2]. The edges move apart until G is `overload` times Gc, slow against waves, and most slowly
 from 0.9 to 1.15 Gc, where it may tear: while the tear runs G goes on growing. `material` is one of MATERIALS;
-with `wrinkles` = "relaxed" it wrinkles more finely than the spacing, with "resolved" it does not.
+with `wrinkles` = "relaxed" it wrinkles more finely than the spacing, with "resolved" it does not. Clamps pull the strip
+along the tear, too, unless they are shorter than it: with `along` below 1 / sqrt(stretch) it is in uniaxial tension, as
+ahead of the tip of `trousers`.
 """
 
 import math
@@ -33,7 +35,7 @@ from warp_pd import (
     TearingEnergy,
     Yeoh,
 )
-from warp_pd.device.checks import InputError, count, one_of, positive
+from warp_pd.device.checks import InputError, count, finite, one_of, positive
 from warp_pd.materials import energy_density, stretch_of_density, with_wrinkles
 from warp_pd.measures import TearLine, support_force, worst_balance
 from warp_pd.shapes.roughness import rough_surface
@@ -59,6 +61,7 @@ def build(
     material: str = "neo_hookean",
     wrinkles: str = "relaxed",
     far_end: str = "free",
+    along: float = 1.0,
     tearing_energy: float = 2.0,
     damage_length: float | None = None,
     overload: float = 1.5,
@@ -76,6 +79,7 @@ def build(
     Args:
         points: Points along the height: rows.
         far_end: "free", or "held": the end away from the cut keeps its place along the strip.
+        along: Stretch along the strip at which its clamps hold it, up to 1 [-].
         damage_length: Length of the damage field [m]; by default that of TearingEnergy.
         advance: Growth of the crack at which its onset is read, in spacings.
     """
@@ -86,10 +90,16 @@ def build(
     damage = TearingEnergy(energy, length=damage_length, spared=grips)
     held = one_of("far_end", far_end, ("free", "held")) == "held"
     end = [Fixed(np.setdiff1d(sheet.edges("right"), grips), "x")] if held else []
+    if not 0.0 < finite("along", along) <= 1.0:
+        raise InputError(f"along = {along:g}: expected a number greater than 0 and at most 1")
+    if along < 1.0 and wrinkles != "relaxed":
+        raise InputError(f"along = {along:g} with wrinkles = {wrinkles!r}: expected 1, or wrinkles that are relaxed")
+    start = rough_surface(sheet, roughness, seed, grips)
+    start[:, 0] += (along - 1.0) * sheet.points[:, 0]
     positive("overload", overload)
     levels = SLOW[0] * min(overload, 1.0), min(SLOW[1], overload), overload
     times = [fraction * positive("duration", duration) for fraction in (0.0, 0.25, 0.85, 1.0)]
-    stretches = [1.0, *(stretch_at(sheet_material, level * energy / HEIGHT) for level in levels)]
+    stretches = [1.0, *(stretch_at(sheet_material, level * energy / HEIGHT, along) for level in levels)]
     travel = [0.5 * (stretch - 1.0) * HEIGHT for stretch in stretches]
     line = TearLine(sheet)
     tip, ahead = (CUT, 0.5 * HEIGHT), (LENGTH, 0.5 * HEIGHT)
@@ -99,7 +109,8 @@ def build(
         return float(np.interp(frame.time, times, stretches))
 
     def released(built, frame):
-        return float(energy_density(sheet_material, stretch(built, frame), 1.0, built.context.device)) * HEIGHT / energy
+        density = energy_density(sheet_material, stretch(built, frame), along, built.context.device)
+        return float(density) * HEIGHT / energy
 
     def onset(history):
         return next((row["release_ratio"] for row in history if row["tip"] > advance * spacing), None)
@@ -125,12 +136,13 @@ def build(
         sheet,
         force=BondAssociated(sheet_material, horizon=horizon),
         loads=[
-            Motion(top, times=times, x=0.0, y=travel, z=0.0),
-            Motion(bottom, times=times, x=0.0, y=[-y for y in travel], z=0.0),
+            Motion(top, times=times, y=travel, z=0.0),
+            Motion(bottom, times=times, y=[-y for y in travel], z=0.0),
+            Fixed(grips, "x"),
             *end,
         ],
         damage=damage,
-        initial_displacement=rough_surface(sheet, roughness, seed, grips),
+        initial_displacement=start,
         solver=Explicit(duration=duration, frames=count("frames", frames, 1), damping=damping),
         measures=[
             Measure("stretch", "1", stretch),
@@ -167,10 +179,10 @@ def strip(points, length, cut, **grid):
     return sheet, sheet.edges("top"), sheet.edges("bottom")
 
 
-def stretch_at(material, density):
-    """Stretch of pure shear at an energy density [J/m^3]."""
+def stretch_at(material, density, along=1.0):
+    """Stretch of pure shear, or at another stretch along the strip, at an energy density [J/m^3]."""
     found = stretch_of_density(
-        lambda stretches: energy_density(material, stretches, 1.0), density, np.geomspace(1.0, 100.0, 400)
+        lambda stretches: energy_density(material, stretches, along), density, np.geomspace(1.0, 100.0, 400)
     )
     if math.isnan(found):
         raise InputError(

@@ -4,6 +4,7 @@
     python tools/tip_problem.py --horizons 2.015 --lengths 4        one of its rows
     python tools/tip_problem.py --horizons 2.015 --lengths 4 --along 0.8    of Mooney-Rivlin rubber with c01 = c10 / 4
     python tools/tip_problem.py --horizons 2.015 --lengths 4 --across       only bonds across the tear break
+    python tools/tip_problem.py --horizons 2.015 --lengths 4 --pull 0.1     the sheet is pulled along the tear, too
 
 The problem that the correction `bias` of warp_pd/tearing/field_constants.py answers, with nothing fitted: a long strip
 on a lattice of spacing 1, held along both long edges, with a crack along its middle. Families, intersections, weights,
@@ -97,12 +98,15 @@ class Strip:
         columns: int,
         along: float = 1.0,
         across: bool = False,
+        pull: float = 0.0,
     ) -> None:
         """A strip of twice so many rows, with a crack to `tip` and damage to `recess` before it, or without ends.
 
-        `across`: only bonds across the crack break.
+        `across`: only bonds across the crack break. `pull`: energy density that a uniform tension along the crack
+        stores, over that of the strength.
         """
         self.family, self.length, self.along, self.across = Family.of(horizon), length, along, across
+        self.pull = pull
         bonds = self.family.bonds
         column, row = np.meshgrid(np.arange(columns), np.arange(rows))
         self.x, self.y, self.size = column.ravel().astype(float), row.ravel() + 0.5, columns * rows
@@ -189,6 +193,8 @@ class Strip:
     def heal_nothing(self, driving: np.ndarray) -> float:
         """Find the least damage above the present one; return its largest change. `driving` is 8 l Y / (3 Gc), (N,)."""
         before, coupling = self.damage, 2.0 * self.length**2
+        # At the strength `driving` is a half.
+        driving = driving + 0.5 * self.pull
         able = (before > 0.0) | (2.0 * driving > 0.3)
         for _ in range(3):
             able = able | (self.beside @ able > 0.0)
@@ -257,13 +263,14 @@ def grown(
     growth: int = GROWTH,
     along: float = 1.0,
     across: bool = False,
+    pull: float = 0.0,
 ) -> np.ndarray:
     """A tear that grows: growth in columns, G at which bonds broke, energy of the field, and energy lost; (n, 4)."""
     half = round(0.5 * height * length)
     begin = int(2.0 * TIP * half) + 0.5
     uniform = Strip(horizon, length, half, None, 0.0, 1, along)
     per_column = 2.0 * uniform.balance().sum()
-    strip = Strip(horizon, length, half, begin, recess, int(2.0 * LONG * half) + growth, along, across)
+    strip = Strip(horizon, length, half, begin, recess, int(2.0 * LONG * half) + growth, along, across, pull)
     rate, rows, advance = 0.9, [], 0.0
     while advance < growth:
         rate *= 1.0 + STEP
@@ -287,12 +294,13 @@ def grown(
     return np.array(rows)
 
 
-def row(horizon: float, length: float, height: float, along: float, across: bool) -> dict[str, float]:
+def row(horizon: float, length: float, height: float, along: float, across: bool, pull: float) -> dict[str, float]:
     """Numbers of a horizon and a length of the field, in spacings, in a strip of a height in lengths."""
-    rows = grown(horizon, length, height, length * _cap(length, True), GROWTH, along, across)
+    rows = grown(horizon, length, height, length * _cap(length, True), GROWTH, along, across, pull)
     steady = rows[rows[:, 0] >= STEADY]
     return {
-        "first": float(rows[0, 1]), "with cap": float(grown(horizon, length, height, 0.0, 1, along, across)[0, 1]),
+        "first": float(rows[0, 1]),
+        "with cap": float(grown(horizon, length, height, 0.0, 1, along, across, pull)[0, 1]),
         "taken": float(np.polyfit(steady[:, 0], steady[:, 2] + steady[:, 3], 1)[0]),
         "needed": float(steady[:, 1].mean()), "bias": bias(horizon / length),
     }  # fmt: skip
@@ -306,8 +314,9 @@ def main() -> None:
     parser.add_argument("--height", type=float, default=10.0, help="of the strip, in lengths")
     parser.add_argument("--along", type=float, default=1.0, help="stiffness along the tear over that across it")
     parser.add_argument("--across", action="store_true", help="only bonds across the tear break")
+    parser.add_argument("--pull", type=float, default=0.0, help="energy of a tension along the tear over the strength")
     options = parser.parse_args()
-    strip = (options.height, options.along, options.across)
+    strip = (options.height, options.along, options.across, options.pull)
     cases = [(m, length, *strip) for length in options.lengths for m in options.horizons]
     print("\n".join(table(["horizon", "length", "first", "with cap", "taken", "needed", "bias"], [])))
     for (m, length, *_), found in in_processes(row, cases, options.jobs):

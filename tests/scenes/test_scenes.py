@@ -16,7 +16,7 @@ from warp_pd import BondAssociated, Explicit, InputError, NeoHookean, Newton, Si
 from warp_pd.__main__ import build_scene, load_scene, scene_names
 from warp_pd.gas.enclosed import volume_of
 from warp_pd.interfaces.frame import Frame
-from warp_pd.scenes import snap_through, stable_crack, tube_bulge, wrinkles
+from warp_pd.scenes import pure_shear_tear, snap_through, stable_crack, tube_bulge, wrinkles
 from warp_pd.scenes.balloon import exact_pressure
 
 SMALL = {
@@ -534,3 +534,17 @@ def test_inclusions_move_apart_with_the_sheet_and_the_crack_opens():
     assert value(result, "side_inclusion_moves") == pytest.approx(0.5 * 2.5 * 0.0625, rel=0.1)
     assert 0.0 < value(result, "top_inclusion_moves") < value(result, "side_inclusion_moves")
     assert value(result, "crack_opening") > 0.01
+
+
+def test_a_strip_whose_clamps_let_it_contract_is_in_uniaxial_tension():
+    simulation = build_scene("pure_shear_tear", {"points": 8, "along": 0.3, "tearing_energy": 4.0})
+    pull, overload = simulation.loads[0], 1.5
+    stretch = 1.0 + 2.0 * pull.y[-1] / pure_shear_tear.HEIGHT
+    uniaxial = 0.5 * pure_shear_tear.MU * (stretch**2 + 2.0 / stretch - 3.0)
+    assert pure_shear_tear.HEIGHT * uniaxial == pytest.approx(4.0 * overload, rel=1e-2)
+
+
+@pytest.mark.parametrize("settings", [{"along": 0.0}, {"along": 1.1}, {"along": 0.5, "wrinkles": "resolved"}])
+def test_a_strip_refuses_to_contract_to_nothing_to_grow_or_to_be_compressed(settings):
+    with refused("along ="):
+        build_scene("pure_shear_tear", {"points": 8, **settings})

@@ -40,3 +40,11 @@ def test_a_severed_point_keeps_bonds_only_if_those_across_the_tear_alone_break(a
     crossing = strip.sign[point] < 0.0
     assert not strip.alive[point, crossing].any()
     assert strip.alive[point, ~crossing].any() == across
+
+
+@pytest.mark.parametrize("pull", [0.0, 0.2])
+def test_a_pull_along_the_tear_counts_towards_the_strength(pull):
+    below, above = (Strip(1.5, 2.0, 8, None, 0.0, 1, pull=pull) for _ in range(2))
+    below.heal_nothing(np.full(8, 0.49 - 0.5 * pull))
+    above.heal_nothing(np.full(8, 0.51 - 0.5 * pull))
+    assert below.damage.max() == 0.0 < above.damage.max()
