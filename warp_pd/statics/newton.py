@@ -237,9 +237,10 @@ class BuiltNewton(StaticSystem):
         while converged and (then := self.rounds.following(entry, self._settled(found), self.tolerance)) is not None:
             if then.broken:
                 self._kept_factor = None
-            # The rounds of a damage field change little; a criterion breaks many bonds at once.
-            kept = secants if then.broken and self.rounds.close_enough > 0.0 else None
-            found = self._descend(0, factor, sink, then.tolerance, then.title, kept)
+            # Rounds of contact, and those of a damage field, change little; a criterion breaks many bonds at once.
+            many = then.broken and self.rounds.close_enough == 0.0
+            secants = Secants() if many else secants
+            found = self._descend(0, factor, sink, then.tolerance, then.title, None if many else secants)
             whole["round_off"] = found["round_off"]
             for name in ("residuals", "shares", "products"):
                 whole[name] += found[name]

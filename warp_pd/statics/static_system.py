@@ -31,7 +31,7 @@ from .tangent import Tangent, tangent_of
 MAX_MULTIGRID_HORIZON = 2.5
 # Number of points from which aggregates are faster than a factorisation.
 ALGEBRAIC_FROM = 2000
-# Residual over the last one up to which rounds of rupture keep a factorised tangent.
+# Residual over the last one up to which rounds of contact and of a damage field keep a factorised tangent.
 SLOWEST = 0.5
 
 
