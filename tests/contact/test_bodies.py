@@ -31,6 +31,7 @@ from warp_pd import (
     TriangleMesh,
 )
 from warp_pd.contact.body_shapes import signed_distances
+from warp_pd.interfaces.scales import Scales
 from warp_pd.kernels.contact import distances
 from warp_pd.scenes import dropped_ball
 from warp_pd.viewer.plots import frames_at, surfaces
@@ -376,9 +377,47 @@ def cube(**changes):
     return {"vertices": vertices, "triangles": triangles, **changes}
 
 
+def two_boxes(other, place=(0.0, 0.0, 0.0), inwards=False):
+    """A box of 4 x 4 x 4 and another one, whose triangles may face inwards, as one mesh."""
+    (a, of_a), (b, of_b) = Box((4.0, 4.0, 4.0)).outline(0.0), Box(other).outline(0.0)
+    return TriangleMesh(np.vstack([a, b + place]), np.vstack([of_a, (of_b[:, ::-1] if inwards else of_b) + len(a)]))
+
+
+def test_a_cavity_has_the_inertia_of_what_it_leaves_and_points_in_it_are_outside():
+    hollow = two_boxes((2.0, 2.0, 2.0), (0.9, 0.0, 0.0), inwards=True)
+    assert hollow.notes == () and hollow.centroid == pytest.approx([-0.9 * 8.0 / 56.0, 0.0, 0.0])
+    x = hollow.centroid[0]
+    moment = (64.0 * (8.0 / 3.0 + x**2) - 8.0 * (2.0 / 3.0 + (0.9 - x) ** 2)) / 56.0
+    assert np.diag(hollow.inertia())[1:] == pytest.approx([moment, moment])
+    places = np.array([(0.9, 0.1, 0.0), (-1.0, 0.0, 0.0), (3.0, 0.0, 0.0)]) - hollow.centroid
+    found = signed_distances(hollow, places, wp.get_device("cpu"))[:, 3]
+    assert found == pytest.approx([0.9, -0.9, 1.0], abs=1e-5)
+
+
+@pytest.mark.parametrize(("other", "place"), [((4.0,) * 3, (2.0, 0.0, 0.0)), ((1.0,) * 3, (1.0, 0.0, 0.0))])
+def test_pieces_that_overlap_are_noted_and_have_no_inertia(other, place):
+    shape = two_boxes(other, place)
+    with refused(match="lies inside another one at .* places compared, which counts twice"):
+        RigidBody(shape, Free(1.0, (0.0, 0.0, 9.0)))
+    body = RigidBody(shape, BodyPath.still((0.0, 0.0, 9.0)), name="double")
+    note, *_ = body.doubts(square(7), Scales.of(square(7), None, True))
+    assert note.startswith("RigidBody 'double': piece ") and "which counts twice" in note
+    assert not two_boxes((4.0,) * 3, (4.0, 0.5, 0.0)).notes
+
+
+def test_turns_of_half_a_turn_or_more_are_noted():
+    about = lambda angle: (0.0, 0.0, np.sin(0.5 * angle), np.cos(0.5 * angle))  # noqa: E731
+    for angle, back in ((1.0, None), (-1.0, None), (np.pi, "3.142"), (1.5 * np.pi, "1.571"), (2.0 * np.pi, "0")):
+        path = BodyPath([0.0, 1.0, 2.0], [(0.0, 0.0, 0.0)] * 3, [about(0.0), about(0.0), about(angle)])
+        said = f"BodyPath.rotations[1] and [2] are {angle:.4g} rad apart by their signs: the body turns the shorter way"
+        assert [note.split(" rad; ")[0] for note in path.notes] == ([f"{said}, by {back}"] if back else [])
+
+
 @pytest.mark.parametrize(
     ("make", "words"),
     [
+        (lambda: two_boxes((1.0, 1.0, 1.0), (5.0, 0.0, 0.0), inwards=True), "piece 1 .* encloses -1 m.3: expected"),
+        (lambda: two_boxes((4.0, 4.0, 1.0), (1.0, 0.5, 0.0), inwards=True), "piece 1 .* encloses -16 m.3: expected"),
         (lambda: Free(0.0, (0, 0, 0)), r"Free.mass = 0.0: expected a positive number"),
         (lambda: Free(1.0, (0, 0, 0), inertia=(1.0, 0.0, 1.0)), "expected positive moments"),
         (lambda: BodyPath([0.0], [(0, 0, np.nan)]), "BodyPath.positions"),

@@ -6,7 +6,7 @@ import pytest
 from helpers import refused
 from pxr import Gf, Usd, UsdGeom
 
-from warp_pd import InputError, Sheet
+from warp_pd import InputError, Sheet, TriangleMesh
 from warp_pd.families.visibility import severed
 from warp_pd.geometry.triangulation import boundary_edges, cell_triangles, signed_areas
 from warp_pd.shapes.files import read_mesh
@@ -809,6 +809,8 @@ def test_y_up_becomes_z_up(tmp_path):
     assert plane.vertices.tolist() == spatial(CORNERS[:5], 2.0).tolist() and above.vertices[:, 2].min() == 3.0
     assert volume(above) == pytest.approx(1.0) and above.vertices[:, 1].tolist() == (-cube()[0][:, 2]).tolist()
     assert "y is up in the file" in plane.notes[0]
+    body = TriangleMesh.from_file(tmp_path / "up.usda", part="Cube")
+    assert body.vertices.tolist() == above.vertices.tolist() and body.notes == above.notes
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     stage.Save()
     same = read_mesh(tmp_path / "up.usda", part="Cube")

@@ -10,10 +10,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..device.checks import InputError, numbers
-from ..gas.enclosed import volume_of
 from ..kernels.contact.mesh_distance import mesh_distance, mesh_distance_of_point
 from ..shapes.files import read_mesh
-from ..shapes.mesh_checks import require_closed, require_distinct_points, require_faces, require_surface
+from ..shapes.mesh_checks import require_closed, require_distinct_points, require_faces, require_solid, require_surface
 from .body_shapes import BodyShape, Outline, convex_edges
 
 # Least angle by which the normal turns at a sharp edge [rad].
@@ -28,14 +27,20 @@ class TriangleMesh(BodyShape):
         vertices: Positions [m], shape (V, 3).
         triangles: Vertex indices, counter-clockwise seen from outside, shape (F, 3).
         centroid: Centre of mass for uniform density, in the coordinates of `vertices` [m], shape (3,).
+        notes: What reading it from a file changed, and pieces that overlap, for the notes of a run.
+        overlap: Which pieces overlap; "" if none was found.
+
+    A closed piece inside another one that faces inwards is a cavity.
 
     Raises:
-        InputError: for a surface with a boundary, degenerate or flipped triangles, or triangles that face inwards.
+        InputError: for a surface with a boundary, degenerate or flipped triangles, or pieces that face inwards.
     """
 
     vertices: Any
     triangles: Any
     centroid: np.ndarray = field(init=False)
+    notes: tuple[str, ...] = ()
+    overlap: str = field(init=False)
 
     kind: ClassVar[str] = "mesh"
     distance: ClassVar[Any] = mesh_distance
@@ -54,9 +59,10 @@ class TriangleMesh(BodyShape):
         require_distinct_points(where, points, triangles)
         require_surface(where, points, triangles, np.arange(len(triangles)))
         require_closed(where, triangles)
-        volume = volume_of(points - points[0], triangles)
-        if not volume > 0.0:
-            raise InputError(f"{where} encloses {volume:.4g} m^3: expected triangles that face outwards")
+        if overlap := require_solid(where, points, triangles):
+            overlap = f"{overlap}, which counts twice in its centre of mass and inertia"
+            object.__setattr__(self, "notes", (*self.notes, f"{overlap}; unite its pieces"))
+        object.__setattr__(self, "overlap", overlap)
         used = np.unique(triangles)
         renumber = np.zeros(len(points), np.int32)
         renumber[used] = np.arange(len(used))
@@ -65,14 +71,16 @@ class TriangleMesh(BodyShape):
         object.__setattr__(self, "centroid", points[0] + _moments(points - points[0], triangles)[1])
 
     @staticmethod
-    def from_file(path: str | os.PathLike[str], *, unit: str | float | None = None) -> TriangleMesh:
-        """Read the closed surface from a file; see `warp_pd.read_mesh`.
+    def from_file(
+        path: str | os.PathLike[str], *, unit: str | float | None = None, part: str | None = None
+    ) -> TriangleMesh:
+        """Read the closed surface from a file, or one part of it; see `warp_pd.read_mesh`.
 
         Raises:
             InputError: if the file cannot be read or the surface is not closed.
         """
-        mesh = read_mesh(path, unit=unit, closed=True)
-        return TriangleMesh(mesh.vertices, mesh.triangles)
+        mesh = read_mesh(path, unit=unit, part=part, closed=True)
+        return TriangleMesh(mesh.vertices, mesh.triangles, mesh.notes)
 
     def sizes(self) -> tuple[float, ...]:
         """The radius."""
@@ -91,7 +99,13 @@ class TriangleMesh(BodyShape):
         return 0.0 if len(convex_edges(*self.surface(), least=SHARP)[1]) else math.inf
 
     def inertia(self) -> np.ndarray:
-        """Inertia tensor divided by mass [m^2], integrated over the tetrahedra between origin and triangles."""
+        """Inertia tensor divided by mass [m^2], integrated over the tetrahedra between origin and triangles.
+
+        Raises:
+            InputError: for pieces that overlap.
+        """
+        if self.overlap:
+            raise InputError(f"TriangleMesh: {self.overlap}: expected pieces united in one, or Free(inertia=)")
         volume, _, second = _moments(self.vertices - self.centroid, self.triangles)
         return np.asarray((np.trace(second) * np.eye(3) - second) / volume)
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
@@ -24,6 +25,8 @@ from .body_shapes import BodyShape
 Vector = Sequence[float]
 # Radius of a half space [m].
 UNBOUNDED = 1e30
+# Product of quaternions that are half a turn apart, with round-off.
+HALF_TURN = 1e-9
 NOT_TURNED = (0.0, 0.0, 0.0, 1.0)
 # Jump of the velocity over the largest one, and error of the energy balance, from which a note says so.
 ABRUPT, UNBALANCED = 0.5, 0.01
@@ -37,9 +40,11 @@ class BodyMotion(Protocol):
 
     Attributes:
         free: Whether the sheet moves the body.
+        notes: What may be a mistake of the motion, for the notes of a run.
     """
 
     free: ClassVar[bool]
+    notes: tuple[str, ...] = ()
 
     def pose(self, time: float) -> tuple[np.ndarray, np.ndarray]:
         """Position of the centre of mass [m], shape (3,), and unit quaternion, shape (4,), at a time [s]."""
@@ -93,12 +98,13 @@ class BodyPath(BodyMotion):
         times: Knots [s], increasing, shape (K,).
         positions: Positions of the centre of mass [m], shape (K, 3).
         rotations: Unit quaternions (x, y, z, w) from the frame of the body, shape (K, 4); between knots the body turns
-            uniformly, the shorter way. None for no rotation.
+            uniformly, the shorter way; a note tells where their signs mean the longer one. None for no rotation.
     """
 
     times: Any
     positions: Any
     rotations: Any = None
+    notes: tuple[str, ...] = field(init=False, default=())
 
     free: ClassVar[bool] = False
 
@@ -115,7 +121,16 @@ class BodyPath(BodyMotion):
             raise InputError(f"BodyPath.rotations: expected shape ({len(times)}, 4), got {rotations.shape}")
         rotations = np.array([unit_quaternion("BodyPath.rotations", q) for q in rotations])
         # A quaternion and its opposite are one rotation: the closer one is the shorter way.
-        signs = np.cumprod([1.0, *np.where(np.sum(rotations[1:] * rotations[:-1], axis=1) < 0.0, -1.0, 1.0)])
+        cosines = np.clip(np.sum(rotations[1:] * rotations[:-1], axis=1), -1.0, 1.0)
+        signs = np.cumprod([1.0, *np.where(cosines < 0.0, -1.0, 1.0)])
+        if len(longer := np.flatnonzero(cosines < HALF_TURN)):
+            k = int(longer[0])
+            way, back = 2.0 * math.acos(cosines[k]), 2.0 * math.acos(abs(cosines[k]))
+            note = (
+                f"BodyPath.rotations[{k}] and [{k + 1}] are {way:.4g} rad apart by their signs: the body turns the "
+                f"shorter way, by {back:.4g} rad; half a turn or more needs a key between"
+            )
+            object.__setattr__(self, "notes", (note,))
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "positions", positions)
         object.__setattr__(self, "rotations", signs[:, None] * rotations)

@@ -38,12 +38,14 @@ class BodyShape(Protocol):
         distance: Warp function of its signed distance, see kernels/contact/distances.py.
         remembering: That of a point of the sheet which remembers the surface, or None.
         bounded: Whether the body is bounded and so has a finite mass; a half space is not.
+        notes: What may be a mistake of the shape, for the notes of a run.
     """
 
     kind: ClassVar[str]
     distance: ClassVar[Any]
     remembering: ClassVar[Any] = None
     bounded: ClassVar[bool] = True
+    notes: tuple[str, ...] = ()
 
     def sizes(self) -> tuple[float, ...]:
         """Sizes for the distance function, at most four numbers."""

@@ -65,10 +65,7 @@ class Free(BodyMotion):
         matrix = np.diag(found) if found.shape == (3,) else found
         if matrix.shape != (3, 3) or not np.allclose(matrix, matrix.T):
             raise InputError(f"Free.inertia = {show(self.inertia)}: expected three moments or a symmetric matrix")
-        values = np.linalg.eigvalsh(matrix)
-        if not values[0] > LEAST_INERTIA * max(values[-1], 0.0) or not values[0] > 0.0:
-            raise InputError(f"Free.inertia = {show(self.inertia)}: expected positive moments")
-        return matrix
+        return _require_positive(f"Free.inertia = {show(self.inertia)}", matrix)
 
     def pose(self, time: float) -> tuple[np.ndarray, np.ndarray]:
         """Position [m] and quaternion at time 0; later poses are known only to the run."""
@@ -83,14 +80,24 @@ class Free(BodyMotion):
         return self.mass * float(np.linalg.norm(self.gravity))
 
     def check(self, shape: BodyShape) -> None:
-        """Check that the shape has a finite mass."""
+        """Check that the shape has a finite mass and positive moments of inertia."""
         if not shape.bounded:
             raise InputError(f"motion = Free: a {shape.kind} has no finite mass; expected a BodyPath")
+        if self.inertia is None:
+            _require_positive(f"Free.inertia = None: that of the {shape.kind}", shape.inertia())
 
     def build(self, name: str, shape: BodyShape, context: Context, friction: float) -> BuiltMotion:
         """Build the motion on a device."""
         inertia = self.mass * shape.inertia() if self.inertia is None else self._given_inertia()
         return InFlight(name, self.pose(0.0), self, inertia, context, friction)
+
+
+def _require_positive(where: str, matrix: np.ndarray) -> np.ndarray:
+    """Return an inertia with positive moments. Raises InputError, which begins with `where`, for any other."""
+    values = np.linalg.eigvalsh(matrix)
+    if not values[0] > LEAST_INERTIA * max(values[-1], 0.0) or not values[0] > 0.0:
+        raise InputError(f"{where}: expected positive moments, got {', '.join(f'{v:.4g}' for v in values)}")
+    return matrix
 
 
 class InFlight(BuiltMotion):

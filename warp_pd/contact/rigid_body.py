@@ -68,13 +68,15 @@ class RigidBody(BodySettings):
         return only_one_named(self.name)
 
     def doubts(self, sheet: Sheet, scales: Scales) -> Sequence[str]:
-        """Whether it is very large, far, fast or heavy."""
+        """Whether it is very large, far, fast or heavy, and the notes of its shape and motion."""
+        notes = [f"{self.title}: {note}" for note in (*self.shape.notes, *self.motion.notes)]
         if not self.shape.bounded:
-            return ()
+            return notes
         radius, (place, _) = self.shape.radius(), self.motion.pose(0.0)
         away = float(np.linalg.norm(sheet.positions - place, axis=1).min()) - radius
         weight = self.motion.weight()
         return [
+            *notes,
             *scales.of_length(f"{self.title} has a size of", 2.0 * radius),
             *scales.of_length(f"{self.title} starts at a distance of", away),
             *scales.of_speed(f"{self.title} moves at", self.motion.speed(radius)),

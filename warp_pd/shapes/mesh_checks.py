@@ -19,6 +19,13 @@ from .seams import near_pairs
 
 # Least area of a triangle over the mean.
 LEAST_AREA = 1e-12
+# Triangles of a piece that are compared with other pieces: most, and least of large meshes.
+MOST_COMPARED, LEAST_COMPARED = 100, 4
+# Pairs of places and triangles that are compared, and those at a time.
+PAIRS, AT_ONCE = 2_000_000, 100_000
+# Corners, middles of the edges and the centre of a triangle, slightly inside, and their depth over its size.
+PLACES = np.array([(98, 1, 1), (1, 98, 1), (1, 1, 98), (49, 49, 2), (49, 2, 49), (2, 49, 49), (100 / 3,) * 3]) / 100.0
+DEPTH = 1e-3
 # Largest coordinate whose fourth power is finite.
 LARGEST = 1e70
 
@@ -75,6 +82,74 @@ def require_unfolded(where: str, points: np.ndarray, triangles: np.ndarray, face
 def require_closed(where: str, triangles: np.ndarray) -> None:
     """Check that a surface has no boundary. Raises InputError if it is not."""
     _refuse(where, "edge", boundary_edges(triangles), "with one triangle: expected a closed surface")
+
+
+def require_solid(where: str, points: np.ndarray, triangles: np.ndarray) -> str:
+    """Check that each piece of a closed surface faces outwards, or is a cavity of another one.
+
+    Returns a line on a piece that lies or reaches inside another one, "" if none was found: places just behind some of
+    its triangles are compared with the other pieces. Raises InputError, which begins with `where`, for a piece that
+    faces inwards.
+    """
+    overlap = ""
+    piece = pieces(triangles)
+    order = np.argsort(piece, kind="stable")
+    first = np.flatnonzero(np.diff(piece[order], prepend=-1))
+    corners = points[triangles[order]]
+    sets = np.split(corners, first[1:])
+    low, high = np.minimum.reduceat(corners.min(axis=1), first), np.maximum.reduceat(corners.max(axis=1), first)
+    for number, own in enumerate(sets):
+        volume = float(np.linalg.det(own - own[0, 0]).sum() / 6.0)
+        near = np.flatnonzero(((low <= high[number]) & (high >= low[number])).all(axis=1))
+        near = near[near != number]
+        if volume > 0.0 and not len(near):
+            continue
+        middle = 0.5 * (low[number] + high[number])
+        what = "the mesh" if len(sets) == 1 else f"piece {number} ({len(own)} triangles around {_place(middle)} m)"
+        affordable = PAIRS // (len(PLACES) * sum(len(sets[other]) for other in near) + 1)
+        compared = min(max(affordable, LEAST_COMPARED), MOST_COMPARED)
+        places = _places_behind(own[:: -(-len(own) // compared)])
+        # Undecided, no whole number, where the surface of another piece is.
+        times = np.sum([_winding_numbers(places, sets[other]) for other in near], axis=0) + np.zeros(len(places))
+        times = times[np.abs(times - np.rint(times)) < 0.1]
+        if volume <= 0.0 and not (len(times) and (times > 0.5).all()):
+            raise InputError(
+                f"{where}: {what} encloses {volume:.4g} m^3: expected triangles that face outwards"
+                f"{', unless it is a cavity of another piece' if len(sets) > 1 else ''}"
+            )
+        if (wrong := int((np.rint(times) != (volume <= 0.0)).sum())) and not overlap:
+            overlap = f"{what} lies inside another one at {wrong} of {len(times)} places compared"
+    return overlap
+
+
+def _places_behind(corners: np.ndarray) -> np.ndarray:
+    """Places just behind triangles, on the side of the solid, shape (P, 3); corners have shape (F, 3, 3)."""
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    depth = DEPTH * normals / np.sqrt(np.linalg.norm(normals, axis=1))[:, None]
+    return np.asarray((PLACES @ corners - depth[:, None]).reshape(-1, 3))
+
+
+def _winding_numbers(places: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """How often a closed surface, given by its corners, (F, 3, 3), goes around places, (P, 3); shape (P,).
+
+    Source: Van Oosterom and Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125-126: the solid angle of a triangle.
+    """
+    found = np.zeros(len(places))
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    inside = np.flatnonzero(((places >= low) & (places <= high)).all(axis=1))
+    for some in np.array_split(inside, max(1, len(inside) * len(corners) // AT_ONCE)):
+        arms = corners[None] - places[some, None, None]
+        lengths = np.linalg.norm(arms, axis=3)
+        a, b, c = (arms[:, :, k] for k in range(3))
+        total = lengths.prod(axis=2)
+        for k in range(3):
+            total += (arms[:, :, k] * arms[:, :, (k + 1) % 3]).sum(axis=2) * lengths[:, :, (k + 2) % 3]
+        found[some] = np.arctan2((a * np.cross(b, c)).sum(axis=2), total).sum(axis=1) / (2.0 * np.pi)
+    return found
+
+
+def _place(point: np.ndarray) -> str:
+    return f"({', '.join(f'{value:.4g}' for value in point.tolist())})"
 
 
 def _refuse(where: str, noun: str, indices: np.ndarray, words: str) -> None:
