@@ -108,6 +108,13 @@ def test_a_strip_in_plane_strain_is_not_passed(solver, components):
     assert np.abs(force[:2]).max() < 0.01 * -force[2]
 
 
+def test_a_body_that_passes_held_points_is_noted():
+    path = BodyPath([0.0, 0.1], [(0.05, 0.01, -0.0255), (0.05, 0.01, 0.03)])
+    _, result = strip("xyz", Sphere(0.05), Explicit(0.1, frames=2), motion=path)
+    passed = [note for note in result.summary["notes"] if "passed" in note]
+    assert passed == ["contact = RigidBody 'body' passed through held points, which ignore bodies (at 0.05 s)"]
+
+
 def test_a_body_that_goes_into_points_held_along_its_normal_is_noted():
     path = BodyPath([0.0, 0.1], [(0.06, -0.0255, 0.0), (0.06, -0.0235, 0.0)])
     _, result = strip("y", Sphere(0.05), Explicit(0.1, frames=2, damping=40.0), motion=path)

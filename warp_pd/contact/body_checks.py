@@ -109,11 +109,14 @@ class BodyChecks(BuiltPart):
     def __init__(self, context: Context, law: BuiltLaw, bodies: Sequence[Solid]) -> None:
         self.context, self.law, self.bodies = context, law, bodies
         self._drawn = {body.label: body.outline() for body in self.bodies}
-        inside = np.zeros(context.sheet.size, bool)
-        inside[[i for members in context.sheet.inclusions for i in members]] = True
-        self._rigid = inside[context.sheet.triangles].any(axis=1) if inside.any() else None
-        kinds = {"rigid": inside, "held": (context.held & HELD != 0) & ~ignoring(context.held) & ~inside}
+        corners, ignored = context.sheet.triangles, ignoring(context.held)
+        inside = np.isin(np.arange(context.sheet.size), np.concatenate([[], *context.sheet.inclusions]))
+        kinds = {"rigid": inside, "held": (context.held & HELD != 0) & ~ignored & ~inside}
         self._ignoring = {kind: np.flatnonzero(chosen) for kind, chosen in kinds.items() if chosen.any()}
+        rigid = of_any_corner(inside, corners)
+        faces = {"rigid": rigid, "fixed": ignored[corners].all(axis=1) & ~rigid}
+        self._let_through = {kind: corners[chosen] for kind, chosen in faces.items() if chosen.any()}
+        self._felt = corners[~(faces["rigid"] | faces["fixed"])] if self._let_through else corners
         self._texts = self._possible()
         # The number of frames, and the number of the one at which each was found first, or 0.
         self._found = context.array(
@@ -152,7 +155,9 @@ class BodyChecks(BuiltPart):
                 f"{body.label} went into points that supports hold nearly along its normal, and ignore it: expected "
                 "supports that let them yield"
             )
-        return {key: text for key, text in texts.items() if key[0] not in ("rigid", "held") or key[0] in self._ignoring}
+            texts["fixed", body.label] = f"{body.label} passed through held points, which ignore bodies"
+        absent = {"rigid", "held", "fixed"} - {*self._ignoring, *self._let_through}
+        return {key: text for key, text in texts.items() if key[0] not in absent}
 
     def end_frame(self) -> None:
         """Run the checks for this frame."""
@@ -236,10 +241,11 @@ class BodyChecks(BuiltPart):
             if self._before is not None and body.label in self._before[1]:
                 before, centre = self._before[0], self._before[1][body.label]
                 ends = before - centre, position - pose[:3]
-                if passes(*ends, corners if self._rigid is None else corners[~self._rigid], torn):
+                if passes(*ends, self._felt, torn):
                     met.add(("passed", body.label))
-                if self._rigid is not None and passes(*ends, corners[self._rigid], torn):
-                    met.add(("rigid", body.label))
+                for kind, through in self._let_through.items():
+                    if passes(*ends, through, torn):
+                        met.add((kind, body.label))
         self._before = position, centres
         return met
 
