@@ -268,6 +268,10 @@ REFUSED = {
     "spacing much too fine": (lambda: outline(spacing=1e-12), "expected 10000000 or fewer"),
     "spacing function below zero": (lambda: outline(spacing=lambda x, y: x - 0.05), "spacing(x, y) = -0.0"),
     "spacing function raises": (lambda: outline(spacing=lambda x, y: 1 / 0), "spacing(x, y) raised ZeroDivisionError"),
+    "spacing function without a value": (lambda: outline(spacing=lambda x, y: None), "spacing(x, y) = array(None, "),
+    "spacing function of text": (lambda: outline(spacing=lambda x, y: "0.01"), "spacing(x, y) = array('0.01', "),
+    "boundary function without a value": (lambda: outline(lambda t: None), "outline: boundary function = nan"),
+    "boundary function of complex numbers": (lambda: outline(lambda t: np.exp(6.283j * t)), "expected numbers"),
     "spacing function of another shape": (lambda: outline(spacing=lambda x, y: np.ones(3)), "spacing(x, y) raised"),
     "spacing function too fine": (lambda: outline(spacing=lambda x, y: 1e-5 + 0 * x), "expected larger spacings"),
 }

@@ -151,9 +151,12 @@ def by_point(name: str, value: Any, places: np.ndarray) -> float | np.ndarray:
 
 
 def evaluate(name: str, function: Callable[..., Any], arguments: Iterable[np.ndarray]) -> Any:
-    """Result of a user's function of arrays. Raises InputError instead of any other error."""
+    """Result of a user's function of arrays. Raises InputError instead of any other error, and for None."""
     with user_code(lambda error: f"{name}: {kind_and_text(error)}; expected a function of arrays"):
-        return function(*arguments)
+        found = function(*arguments)
+    if found is None:
+        raise InputError(f"{name} returned None: expected a function that returns numbers")
+    return found
 
 
 def corners(name: str, value: Any, points: int) -> np.ndarray:
@@ -222,9 +225,9 @@ def vector(name: str, value: Any, length: int) -> tuple[float, ...]:
 def numbers(name: str, value: Any) -> np.ndarray:
     """`value`, a number or an array of numbers, as a float64 array."""
     try:
-        # Neither True nor "1" is the number 1.
+        # Neither True nor "1" is the number 1, nor has a complex number or a date its value.
         given = np.asarray(value)
-        found = given.astype(np.float64) if given.dtype.kind not in "bSU" else None
+        found = given.astype(np.float64) if given.dtype.kind not in "bSUcmM" else None
     except (TypeError, ValueError):
         found = None
     if found is None:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.checks import InputError, finite, kind_and_text, numbers, one_of, user_code
+from ..device.checks import InputError, evaluate, finite, numbers, one_of
 from ..device.cores import cores
 from ..geometry.sheet import Sheet
 from ..geometry.triangulation import Lattice
@@ -38,8 +38,7 @@ def influence_function(influence: str | InfluenceFunction) -> InfluenceFunction:
     """The influence function of r = |X| / horizon, given by name or as a function."""
     if callable(influence):
         ratios = np.array([0.25, 0.5, 1.0])
-        with user_code(lambda error: f"influence: {kind_and_text(error)}; expected a function of an array"):
-            values = numbers("influence(array)", influence(ratios))
+        values = numbers("influence(array)", evaluate("influence(array)", influence, [ratios]))
         if values.shape != ratios.shape:
             raise InputError(f"influence(array): expected shape {ratios.shape} as the array, got {values.shape}")
         return influence

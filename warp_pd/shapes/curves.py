@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..device.checks import InputError, positions, positive, show, vector
+from ..device.checks import InputError, numbers, positions, positive, show, vector
 
 # Spacing [m] at points of shape (P, 2), shape (P,).
 Spacing = Callable[[np.ndarray], np.ndarray]
@@ -120,18 +120,21 @@ class ParametricCurve:
 
     def sampled(self, spacing: Spacing) -> tuple[np.ndarray, np.ndarray]:
         """Points on the curve, see `Curve`."""
-        t = np.linspace(0.0, 1.0, 5)
-        points = np.asarray(self.function(t), np.float64)
-        if points.shape != (5, 2) or not np.isfinite(points).all():
-            raise InputError(
-                f"boundary function returned shape {points.shape} for 5 numbers; expected finite values of shape (5, 2)"
-            )
+        points = self._at(np.linspace(0.0, 1.0, 5))
         if np.linalg.norm(points[-1] - points[0]) > 1e-9 * np.ptp(points, axis=0).max():
             raise InputError(
                 f"boundary function begins at {points[0].tolist()} and ends at {points[-1].tolist()}: "
                 "expected a closed curve"
             )
-        return spread_on_curve(lambda t: np.asarray(self.function(t), np.float64), spacing)
+        return spread_on_curve(self._at, spacing)
+
+    def _at(self, t: np.ndarray) -> np.ndarray:
+        points = numbers("boundary function", self.function(t))
+        if points.shape != (len(t), 2):
+            raise InputError(
+                f"boundary function returned shape {points.shape} for {len(t)} numbers; expected shape ({len(t)}, 2)"
+            )
+        return points
 
 
 def as_curve(name: str, given: Any) -> Curve:

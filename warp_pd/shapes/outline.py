@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..device.checks import InputError, positive, user_code
+from ..device.checks import InputError, positive, show, user_code
 from ..geometry.sheet import Shape
 from ..geometry.triangulation import cell_triangles, directed_edges, signed_areas, triangles_of, whole_cells
 from .assembly import Part, assembled
@@ -96,7 +96,10 @@ def _spacing(spacing: Any) -> tuple[Spacing, float]:
 
     def at(points: np.ndarray) -> np.ndarray:
         with user_code(lambda error: f"spacing(x, y) raised {error!r}: expected spacings [m]"):
-            found = np.broadcast_to(np.asarray(spacing(points[:, 0], points[:, 1]), np.float64), len(points))
+            given = np.asarray(spacing(points[:, 0], points[:, 1]))
+            found = np.broadcast_to(given, len(points))
+        if given.dtype.kind not in "iuf":
+            raise InputError(f"spacing(x, y) = {show(given)}: expected numbers")
         if not (np.isfinite(found) & (found > 0.0)).all():
             bad = int(np.flatnonzero(~(np.isfinite(found) & (found > 0.0)))[0])
             raise InputError(

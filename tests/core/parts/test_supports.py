@@ -43,6 +43,12 @@ WRONG = [
     (lambda: Motion([0], [0.0], angle=1.0, axis=(0, 0, 0)).turn(), r"Motion\.axis = \(0, 0, 0\): expected a direction"),
     (lambda: Motion([0], [0.0], angle=1.0, about=(0, 0, 0, 0)).turn(), r"Motion\.about"),
     (lambda: Motion([0], [0.0, 1.0], angle=[0.0, 1.0, 2.0]).turn(), "Motion.angle has 3 values"),
+    (lambda: Motion([0], [0.0, 1.0], x=lambda t: None).paths(), "Motion.x returned None: expected a function that"),
+    (lambda: Motion([0], [0.0, 1.0], angle=lambda t: None).turn(), "Motion.angle returned None: expected a function"),
+    (
+        lambda: Motion([0], [0.0, 1.0], x=lambda t: np.exp(1j * t)).paths(),
+        r"Motion\.x = array\(\[.*j\]\): expected num",
+    ),
     (lambda: built_with(Motion([3], [0.0], angle=1.0)), r"Motion\.y is 0 m and angle 1 rad at t = 0"),
     (
         lambda: built_with(Motion([3], [0.0], angle=0.0), Fixed([3], "y")),
