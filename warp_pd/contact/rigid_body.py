@@ -68,20 +68,22 @@ class RigidBody(BodySettings):
         return only_one_named(self.name)
 
     def doubts(self, sheet: Sheet, scales: Scales) -> Sequence[str]:
-        """Whether it is very large, far, fast or heavy, and the notes of its shape and motion."""
-        notes = [f"{self.title}: {note}" for note in (*self.shape.notes, *self.motion.notes)]
+        """Whether it is very large, far, fast or heavy."""
         if not self.shape.bounded:
-            return notes
+            return ()
         radius, (place, _) = self.shape.radius(), self.motion.pose(0.0)
         away = float(np.linalg.norm(sheet.positions - place, axis=1).min()) - radius
         weight = self.motion.weight()
         return [
-            *notes,
             *scales.of_length(f"{self.title} has a size of", 2.0 * radius),
             *scales.of_length(f"{self.title} starts at a distance of", away),
             *scales.of_speed(f"{self.title} moves at", self.motion.speed(radius)),
             *scales.of_force(f"{self.title}: its weight of {weight:.3g} N is", weight, "Masses are in kg"),
         ]
+
+    def remarks(self) -> Sequence[str]:
+        """The notes of its shape and motion."""
+        return [f"{self.title}: {note}" for note in (*self.shape.notes, *self.motion.notes)]
 
     def on_partition(self, sheet: Sheet, partition: Partition) -> Contact:
         """The same part: it refers to no points of the sheet."""

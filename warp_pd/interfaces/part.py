@@ -127,6 +127,10 @@ class Part(Protocol):
         """Sizes of the part that cannot be meant, each with the likely unit, for a note; by default none."""
         return ()
 
+    def remarks(self) -> Sequence[str]:
+        """What may be a mistake in the part itself, one note each; by default none."""
+        return ()
+
     def on_partition(self, sheet: Sheet, partition: Partition) -> Part:
         """The part restricted to the points of one of several processes; `sheet` is the whole sheet.
 

@@ -38,7 +38,8 @@ def foreseen(built: Built) -> list[str]:
     modulus = shear_modulus(material) if continuum else capabilities(material).shear_modulus
     unlikely = list(dict.fromkeys([*_unlikely_sizes(built, modulus), *material_doubts(material)]))
     sizes = [f"sizes: {'; '.join(unlikely)}"] if unlikely else []
-    return [*notes, *sizes, *_unheld(built), *_held_forces(scene), *dict.fromkeys(_never_reached(built))]
+    remarks = [remark for part in (*scene.loads, *scene.contacts) for remark in part.remarks()]
+    return [*notes, *sizes, *remarks, *_unheld(built), *_held_forces(scene), *dict.fromkeys(_never_reached(built))]
 
 
 def step_note(built: Built, dt: float) -> str:

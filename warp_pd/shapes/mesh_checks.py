@@ -106,9 +106,11 @@ def require_solid(where: str, points: np.ndarray, triangles: np.ndarray) -> str:
             continue
         middle = 0.5 * (low[number] + high[number])
         what = "the mesh" if len(sets) == 1 else f"piece {number} ({len(own)} triangles around {_place(middle)} m)"
-        affordable = PAIRS // (len(PLACES) * sum(len(sets[other]) for other in near) + 1)
+        affordable = PAIRS // (len(PLACES) * (len(own) + sum(len(sets[other]) for other in near)))
         compared = min(max(affordable, LEAST_COMPARED), MOST_COMPARED)
         places = _places_behind(own[:: -(-len(own) // compared)])
+        # A piece thinner than that depth has some of them beyond itself.
+        places = places[np.abs(_winding_numbers(places, own) - (volume > 0.0)) < 0.1]
         # Undecided, no whole number, where the surface of another piece is.
         times = np.sum([_winding_numbers(places, sets[other]) for other in near], axis=0) + np.zeros(len(places))
         times = times[np.abs(times - np.rint(times)) < 0.1]

@@ -93,7 +93,7 @@ def read_usd(path: Path, part: str | None) -> Faces:
     if not stage.HasAuthoredMetadata(UsdGeom.Tokens.upAxis):
         notes = ["the file does not say which axis is up (upAxis): z was taken"] if np.ptp(points[:, 2]) else []
     elif UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y:
-        points = points[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
+        points = np.column_stack([points[:, 0], 0.0 - points[:, 2], points[:, 1]])
         notes = ["y is up in the file: (x, y, z) became (x, -z, y)"]
     return Faces(
         points=points,
