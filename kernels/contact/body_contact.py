@@ -33,6 +33,8 @@ from ..numeric import numeric
 from .body_motion import MOVES, STEP
 from .body_search import REMEMBERED, BodySearch, body_search
 
+# Largest friction of points that a support holds in some components, over their velocity of sliding and mass.
+HEAVY = wp.constant(wp.float64(1e3))
 # Impulse that a point got [N s], its moment about the centre of the body, its work [J]; the same of the friction in it.
 Given = wp.types.vector(length=14, dtype=wp.float64)
 
@@ -99,18 +101,47 @@ def point_contact(
     half_kick, half_loss = half_step(options)
 
     @wp.func
-    def arrest(relative: wp.vec3d, pressed: wp.float64, n: wp.vec3d, friction: wp.float64):
-        """Change of a point's velocity by friction [m/s]; at most, sliding stops.
+    def sliding(free: wp.float64, held: wp.float64, most: wp.float64):
+        """Friction over the sliding velocity after it, for speeds of sliding before [m/s]: that along held components
+        stays. Zero if there is none. By bisection.
+        """
+        low = wp.float64(0.0)
+        if held > wp.float64(0.0) and most > wp.float64(0.0):
+            # Round-off of what sticks is no sliding.
+            high = wp.min(most / held, HEAVY)
+            halving = wp.int32(0)
+            while halving < 40:
+                b = wp.float64(0.5) * (low + high)
+                left = free / (wp.float64(1.0) + b)
+                if b * b * (left * left + held * held) < most * most:
+                    low = b
+                else:
+                    high = b
+                halving += 1
+        return low
+
+    @wp.func
+    def arrest(i: int, relative: wp.vec3d, pressed: wp.float64, n: wp.vec3d, a: BodyContact):
+        """Change of a point's velocity by friction [m/s]; at most, sliding stops where the point is free.
 
         relative: velocity of the point relative to the body [m/s]. pressed: change of velocity along the normal n
         by the contact [m/s].
         """
         slip = relative - wp.dot(relative, n) * n
         speed = wp.length(slip)
-        least = wp.min(friction * pressed, speed)
+        least = wp.min(a.friction * pressed, speed)
         lost = wp.vec3d()
         if speed > wp.float64(0.0):
             lost = (-least / speed) * slip
+            if wp.static(partly):
+                free = freed(i, slip, a)
+                # What friction adds to the pressure where its free part points into the body.
+                ease = freedom(i, n, a)
+                left = ease - a.friction * wp.max(wp.dot(free, n), wp.float64(0.0)) / speed
+                most = a.friction * pressed * ease / wp.max(left, wp.float64(0.1) * ease)
+                b = sliding(wp.length(free), wp.length(slip - free), most)
+                if b > wp.float64(0.0):
+                    lost = b * (free - slip) - (b / (wp.float64(1.0) + b)) * free
         return lost
 
     @wp.func
@@ -212,7 +243,7 @@ def point_contact(
                 moved = freed(i, shift, a)
                 x = position(i, a) + moved
                 relative = slipping(wp.vec3d(a.velocity[i]) + moved / dt, arm, x - a.place[0], a)
-                lost = arrest(relative, pressed / dt, n, a.friction)
+                lost = arrest(i, relative, pressed / dt, n, a)
                 reach = dt * wp.length(lost) + wp.float64(2.0) * a.skin
                 shift += dt * lost + push_out(i, x + dt * freed(i, lost, a), n, reach, a)
             given = strike_in_step(i, shift, shift / dt, lost, arm, a)
@@ -242,7 +273,7 @@ def point_contact(
                 change = approach * n
                 lost = wp.vec3d()
                 if wp.static(rubs):
-                    lost = arrest(relative + freed(i, change, a), approach, n, a.friction)
+                    lost = arrest(i, relative + freed(i, change, a), approach, n, a)
                     change += lost
                     if wp.static(partly):
                         # The free part of friction may point into the body.
