@@ -11,6 +11,7 @@ pytest.importorskip("skfem")
 import peers.references
 from finite_elements import Membrane, rectangle
 from peers.__main__ import HERE, chosen, main, measure, parsed
+from peers.adapters.this_code import tear
 from peers.codes import CODES, Code
 from peers.elements import UnderBall, newton_membrane, rubber, solved
 from peers.page import fastest
@@ -18,6 +19,7 @@ from peers.problems import PROBLEMS
 from peers.references import Reference, outside
 
 from warp_pd import InputError
+from warp_pd.scenes import pure_shear_tear
 
 
 def test_every_code_has_runs_or_a_reason_for_every_problem():
@@ -78,6 +80,14 @@ def test_points_inside_the_ball_come_to_its_surface_and_held_ones_stay():
     moved = outside(problem, places, np.zeros((len(places), 3)) - 0.005 * ~held[:, None])
     distance = np.linalg.norm(np.column_stack([places, 0.0 * held]) + moved - problem.ball_at, axis=1)
     assert distance[~held].min() == pytest.approx(problem.ball) and (moved[held] == 0.0).all()
+
+
+def test_this_code_tears_the_strip_of_its_scene():
+    problem, scene = PROBLEMS["tear"], pure_shear_tear
+    own = (scene.LENGTH, scene.HEIGHT), scene.CUT, scene.THICKNESS, scene.MU
+    assert own == (problem.size, problem.cut, problem.thickness, problem.mu)
+    told = tear(problem, {"points": 20, "horizon": 2.015, "rate": 0.2, "device": "cpu"})["told"]
+    assert 1.165 < told["stretch"] < 1.18
 
 
 def test_a_whole_name_is_one_code():

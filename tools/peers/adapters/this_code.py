@@ -66,14 +66,13 @@ def ball(problem):
 
 def tear(problem, settings):
     """Scene `pure_shear_tear`, whose strip is that of the problem, pulled to 0.96 Gc in 0.3 s and then slowly."""
-    scene, height, points = pure_shear_tear, problem.size[1], settings["points"]
-    own = (scene.LENGTH, scene.HEIGHT), scene.CUT, scene.THICKNESS, scene.MU
-    assert own == (problem.size, problem.cut, problem.thickness, problem.mu), own
-    built = scene.build(points, settings["horizon"], tearing_energy=problem.tearing_energy)
+    height, points = problem.size[1], settings["points"]
+    built = pure_shear_tear.build(points, settings["horizon"], tearing_energy=problem.tearing_energy)
     levels, times = (0.0, 0.96, 1.06), [0.0, 0.3, 0.3 + 0.1 / settings["rate"]]
-    stretches = [scene.stretch_at(built.force.material, level * problem.tearing_energy / height) for level in levels]
-    up = 0.5 * height * (np.array(stretches) - 1.0)
-    loads = [replace(load, times=times, y=side * up) for load, side in zip(built.loads, (1.0, -1.0), strict=True)]
+    densities = [level * problem.tearing_energy / height for level in levels]
+    stretches = [pure_shear_tear.stretch_at(built.force.material, density) for density in densities]
+    (top, bottom, *others), up = built.loads, 0.5 * height * (np.array(stretches) - 1.0)
+    loads = [replace(top, times=times, y=up), replace(bottom, times=times, y=-up), *others]
     slowly = pd.Explicit(times[-1], frames=list(np.linspace(*times[1:], 60)), damping=20.0, safety=0.8)
     history = replace(built, loads=loads, solver=slowly).run(device=settings["device"], out=None).history
     time = next(row["time"] for row in history if row["tip"] > 10.0 * height / points)
