@@ -117,6 +117,8 @@ class Context:
         block_dim: Threads per block on CUDA, common to most launches because kernels are compiled for it.
         stages: Stages by name, in the order of their creation.
         prefix: Prefix of the names of stages, used for coarser sheets of the same simulation.
+        support_readers: Points with held and free components of which a part or a measure gives the force of
+            supports, by its name.
         state: Arrays shared by all parts.
     """
 
@@ -139,6 +141,7 @@ class Context:
     block_dim: int = BLOCK
     stages: dict[str, Stage] = field(default_factory=dict)
     prefix: str = ""
+    support_readers: dict[str, np.ndarray] = field(default_factory=dict)
     state: State = field(init=False)
     _sequences: dict[tuple[str, int, int], LaunchSequence] = field(init=False, default_factory=dict)
 

@@ -193,12 +193,13 @@ def _smoothed_edges(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
 def support_force(built: Built, points: np.ndarray) -> np.ndarray:
     """Force of a support on its points [N], shape (3,), without their inertia.
 
-    It balances the internal force and the loads on the points; components that nothing holds count as 0.
+    It balances the internal force and the loads on the points; components that nothing holds count as 0. With
+    `Explicit` the push of bodies along held components is not in it, with a note.
 
     Raises:
         InputError: if nothing holds any of the points.
     """
-    return np.asarray(_support_forces(built, points).sum(axis=0))
+    return np.asarray(_support_forces(built, points, "support_force").sum(axis=0))
 
 
 def support_torque(built: Built, points: np.ndarray, about: Sequence[float] = (0.0, 0.0, 0.0)) -> np.ndarray:
@@ -213,17 +214,18 @@ def support_torque(built: Built, points: np.ndarray, about: Sequence[float] = (0
         InputError: if nothing holds any of the points.
     """
     arms = built.context.whole.positions[points] + built.to_numpy(built.state.displacement)[points] - np.asarray(about)
-    return np.asarray(np.cross(arms, _support_forces(built, points)).sum(axis=0))
+    return np.asarray(np.cross(arms, _support_forces(built, points, "support_torque")).sum(axis=0))
 
 
-def _support_forces(built: Built, points: np.ndarray) -> np.ndarray:
-    """Force of supports on each of the points [N], shape (P, 3)."""
+def _support_forces(built: Built, points: np.ndarray, name: str) -> np.ndarray:
+    """Force of supports on each of the points [N], shape (P, 3), for the function `name`."""
     state, points = built.state, point_indices("points", points, built.context.whole.size)
     mask = state.held_mask
     held = np.zeros(len(points), np.uint8) if mask is None else built.context.whole_array(mask)[points]
-    from .parts.reaction import require_held
+    from .parts.reaction import read_supports, require_held
 
     require_held("points", held)
+    read_supports(f"measures.{name}", points, held, built.context)
     force = built.to_numpy(state.force)[points]
     if state.external is not None:
         force = force + built.to_numpy(state.external)[points]

@@ -15,16 +15,19 @@ from warp_pd import (
     Fixed,
     Free,
     Implicit,
+    Measure,
     MooneyRivlin,
     Motion,
     Newton,
     Plane,
+    Reaction,
     Relaxation,
     RigidBody,
     Sheet,
     Simulation,
     Sphere,
 )
+from warp_pd.measures import support_force
 
 SIDE, ACROSS, BALL, DEPTH = 0.2, 21, 0.12, 0.04
 SOLVERS = {
@@ -194,3 +197,47 @@ def test_a_ball_that_falls_on_points_held_along_y_keeps_the_energy(surface):
     place = [rows[-1][f"ball_position_{c}"] for c in "xyz"]
     away = np.linalg.norm(sheet.positions + result.frame.displacement - place, axis=1)
     assert away.min() > 0.5 * BALL * (1.0 - 1e-7)
+
+
+def held_strip(solver, points=None, **changes):
+    """A strip in plane strain that a ball presses from aside, with the forces of supports on all points or `points`."""
+    sheet = Sheet.rectangle(0.1, 0.02, thickness=1e-3, density=1e3, points=(21, 5)).prestretched(1.2, 1.0)
+    ends, everywhere = sheet.edges("left", "right"), np.arange(sheet.size)
+    read = everywhere if points is None else points(sheet)
+    path = BodyPath.straight((0.05, -0.01, -0.0255), (0.0, 0.0, 0.01), duration=1.0)
+    body = RigidBody(**({"shape": Sphere(0.05), "motion": path, "name": "body"} | changes))
+    return Simulation(
+        sheet, BondAssociated(NEO), solver, contact=body,
+        loads=[Fixed(ends), Fixed(np.setdiff1d(everywhere, ends), "y"), Reaction(read, "hold")],
+        measures=[Measure(c, "N", lambda built, _, k=k: support_force(built, read)[k]) for k, c in enumerate("xyz")],
+    ).run(device="cpu", precision=64)  # fmt: skip
+
+
+@pytest.mark.parametrize("solver", [name for name in SOLVERS if name != "Explicit"])
+def test_supports_carry_what_a_ball_pushes_along_held_components(solver):
+    result = held_strip(SOLVERS[solver])
+    row = result.history[-1]
+    body = np.array([row[f"body_force_{c}"] for c in "xyz"])
+    assert abs(body[1]) > 0.1 * abs(body[2])
+    for name in ("hold_{}", "{}"):
+        np.testing.assert_allclose([row[name.format(c)] for c in "xyz"], body, atol=1e-3 * abs(body[2]))
+    assert not any("leaves that out" in note for note in result.summary["notes"])
+
+
+def test_forces_of_supports_without_the_push_of_a_ball_are_noted():
+    """With its size, by `Reaction` and by `support_force`; not where the ball does not push."""
+    result = held_strip(SOLVERS["Explicit"])
+    notes = [note for note in result.summary["notes"] if "leaves that out" in note]
+    largest = max(abs(row["body_force_y"]) for row in result.history)
+    assert abs(result.history[-1]["hold_y"]) < 0.01 * largest
+    for note, name in zip(notes, ("Reaction 'hold'", "measures.support_force"), strict=True):
+        assert name in note
+        assert float(note.split("up to ")[1].split(" N")[0]) == pytest.approx(largest, rel=0.01)
+    for points in (lambda sheet: sheet.edges("left"), lambda sheet: np.flatnonzero(sheet.points[:, 0] < 0.03)):
+        assert "leaves that out" not in " ".join(held_strip(SOLVERS["Explicit"], points).summary["notes"])
+
+
+def test_forces_of_supports_without_the_push_of_a_free_ball_are_noted():
+    motion = Free(0.02, (0.05, -0.01, 0.0255), velocity=(0.0, 0.0, -1.0))
+    notes = " ".join(held_strip(Explicit(0.02, frames=1), motion=motion, friction=0.3).summary["notes"])
+    assert "may have pushed points along components that a support holds: Reaction 'hold' leaves that out" in notes

@@ -21,6 +21,7 @@ from ..step import Phase
 from .body_checks import MIN_DIAMETER, BodyChecks, ignoring
 from .body_motion import UNBOUNDED, BodyMotion, jump_notes, origin_of
 from .body_shapes import BodyShape, in_frame, on_device, signed_distances
+from .held_push import HeldPush
 
 if TYPE_CHECKING:
     from .body_surface import BodySurface
@@ -127,6 +128,10 @@ class BuiltBody(BuiltContact):
             )
             if tracked:
                 self.loss = context.array(f"{name}_loss", name, wp.float64, shape=sheet.size, restart=True)
+        self._held_push: HeldPush | None = None
+        if partly_held(context.held) and not context.at_rest:
+            self._held_push = HeldPush(name, self.label, context, self.impulse)
+        self._elapsed = 0.0
 
     def _check_apart(self) -> None:
         """Check that the body does not touch the sheet at the start."""
@@ -210,6 +215,7 @@ class BuiltBody(BuiltContact):
 
     def _row(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """Mean force [N] and torque about the centre [N m] since the last frame; position and motion of the body."""
+        self._elapsed = elapsed
         row = self._mean_forces({}, totals, elapsed) | self.motion.columns()
         return row | {name: totals[name] for name in self._losses()}
 
@@ -228,6 +234,8 @@ class BuiltBody(BuiltContact):
 
     def end_frame(self) -> None:
         """Set the sums of a frame to zero."""
+        if self._held_push is not None:
+            self._held_push.end_frame(self._elapsed)
         for array in (self.impulse, self.turn):
             if array is not None:
                 array.zero_()
@@ -254,11 +262,12 @@ class BuiltBody(BuiltContact):
         return StepLimit(furthest / speed, f"in which {self.part.name!r} and the sheet move {furthest:.3g} m")
 
     def notes(self, history: History, load_duration: float | None) -> list[str]:
-        """Notes on a body that never touched the sheet, or rubs with edges that are not resolved."""
+        """Notes on a body that never touched the sheet, pushed where supports hold, or rubs with sharp edges."""
         if untouched := self._untouched(history):
             return [untouched]
         jumps = jump_notes(self.label, self.part.motion, history)
-        return [*jumps, *(self._caught(history) if self._rubs else [])]
+        pushed = [] if self._held_push is None else self._held_push.notes()
+        return [*jumps, *pushed, *(self._caught(history) if self._rubs else [])]
 
     def _caught(self, history: History) -> list[str]:
         """A note if a body with friction slid with edges that the spacing cannot resolve."""

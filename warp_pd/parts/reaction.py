@@ -25,7 +25,8 @@ class Reaction(Part):
     """Output of the force of a support on its points: columns NAME_x, NAME_y and NAME_z of the history [N].
 
     It does not change the simulation. The force balances the internal force and the loads on the held components of
-    its points, as in `warp_pd.measures.support_force`, without inertia; in components that nothing holds it is 0. It is
+    its points, as in `warp_pd.measures.support_force`, without inertia; in components that nothing holds it is 0. The
+    push of bodies along held components is in it with static solvers and `Implicit`, not with `Explicit`. It is
     summed on the device, so the rows between frames (`Explicit(history_every=)`) have it as well.
 
     Attributes:
@@ -49,6 +50,7 @@ class Reaction(Part):
         """The sum on a device. Raises InputError if a point does not exist, or nothing holds any of them."""
         points = np.asarray(point_indices("Reaction.points", self.points, context.sheet.size))
         require_held("Reaction.points", context.held[points])
+        read_supports(f"Reaction {self.name!r}", points, context.held[points], context)
         return BuiltReaction(self.name, points, context)
 
 
@@ -62,6 +64,12 @@ def require_held(name: str, held: np.ndarray) -> None:
         inside = (held & RIGID).any()
         there = "they are in a rigid inclusion, whose force is in its own columns" if inside else "nothing holds them"
         raise InputError(f"{name}: expected points of a Fixed or a Motion, but {there}")
+
+
+def read_supports(name: str, points: np.ndarray, held: np.ndarray, context: Context) -> None:
+    """Tell contact that `name` gives the force of supports on points with these bits; see Context.support_readers."""
+    partly = points[(held & HELD != 0) & (held & HELD != HELD) & (held & RIGID == 0)]
+    context.support_readers[name] = np.union1d(context.support_readers.get(name, partly), partly)
 
 
 class BuiltReaction(BuiltPart):
