@@ -194,7 +194,7 @@ def support_force(built: Built, points: np.ndarray) -> np.ndarray:
     """Force of a support on its points [N], shape (3,), without their inertia.
 
     It balances the internal force and the loads on the points; components that nothing holds count as 0. With
-    `Explicit` the push of bodies along held components is not in it, with a note.
+    `Explicit` the push of bodies along held components is not in it, with a note; nor what `Reaction` names besides.
 
     Raises:
         InputError: if nothing holds any of the points.

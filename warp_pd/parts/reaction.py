@@ -26,8 +26,9 @@ class Reaction(Part):
 
     It does not change the simulation. The force balances the internal force and the loads on the held components of
     its points, as in `warp_pd.measures.support_force`, without inertia; in components that nothing holds it is 0. The
-    push of bodies along held components is in it with static solvers and `Implicit`, not with `Explicit`. It is
-    summed on the device, so the rows between frames (`Explicit(history_every=)`) have it as well.
+    push of bodies along held components is in it with static solvers and `Implicit`. With `Explicit` it is not, with a
+    note; nor are friction of `SelfContact` and its impulses with surface=True. The force is summed on the device, so
+    the rows between frames (`Explicit(history_every=)`) have it as well.
 
     Attributes:
         points: Point indices, such as those of a `Fixed` or a `Motion`, which hold at least one of them.
