@@ -29,6 +29,7 @@ from warp_pd import (
 from warp_pd.scenes import balloon_paths
 from warp_pd.scenes.balloon import exact_pressure
 from warp_pd.statics.corrector import Origin, Point, changes, norm
+from warp_pd.statics.stability import extreme
 
 
 def snapping(solver, pressure=5e3, contact=None, **options):
@@ -263,3 +264,15 @@ def test_a_path_beside_a_constant_load_begins_along_the_rising_one():
     middle = [end.frame.displacement[40, 2] for end in ends]
     assert middle[0] > 0.0
     assert middle[0] == pytest.approx(middle[1], rel=1e-6)
+
+
+@pytest.mark.parametrize("size", [1, 2, 3])
+def test_extreme_eigenvalues_of_a_matrix_with_few_rows(size):
+    """A few free components leave fewer rows than ARPACK takes."""
+    expected = np.linspace(-1.0, 3.0, size)
+    axes = np.linalg.qr(np.random.default_rng(0).normal(size=(size, size)))[0]
+    matrix = axes * expected @ axes.T
+    for which, value in (("SR", expected[0]), ("LM", expected[-1])):
+        values, vectors = extreme(lambda x: matrix @ x, size, 1, which)
+        np.testing.assert_allclose(values, [value], atol=1e-6)
+        np.testing.assert_allclose(matrix @ vectors[:, 0], value * vectors[:, 0], atol=1e-6)

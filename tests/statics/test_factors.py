@@ -59,6 +59,14 @@ def test_one_factoriser_takes_matrices_with_other_entries_and_blocks():
         np.testing.assert_allclose(factorise(of_free(matrix), added)(SIDES), solution(expected, SIDES), atol=1e-9)
 
 
+def test_without_free_components_all_of_the_solution_is_zero():
+    """As where a motion moves all points."""
+    factors = Factoriser(np.zeros_like(FREE))(sparse.csc_matrix((0, 0)))
+    assert factors.negative() == 0
+    for sides in (SIDES, SIDES[:, :, 0]):
+        assert factors(sides).shape == sides.shape and not factors(sides).any()
+
+
 def test_a_singular_matrix_has_no_factors():
     assert Factoriser(FREE)(of_free(np.zeros((3 * POINTS, 3 * POINTS)))) is None
 

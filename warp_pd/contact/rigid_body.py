@@ -27,9 +27,9 @@ class RigidBody(BodySettings):
     """A rigid body of any shape that moves along a path, or freely.
 
     Points inside it are moved out and lose the velocity component into the body; with friction they also lose
-    tangential velocity. See kernels/contact/body_contact.py. Points of rigid inclusions, and
-    those held by a support, ignore the body; it moves points that are held in some components along the others. Bodies
-    do not interact with each other.
+    tangential velocity. See kernels/contact/body_contact.py. Points of rigid inclusions, and those that supports hold,
+    ignore the body; it moves points that are held in some components along the others. Bodies do not interact with each
+    other.
 
     Attributes:
         shape: Sphere, Plane, Capsule, Cylinder, Box or TriangleMesh.

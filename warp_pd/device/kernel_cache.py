@@ -70,13 +70,17 @@ def _leave_adjoints_out() -> None:
 
     def wanted(function: Any) -> bool:
         adjoint = function.adj
-        written_by_hand = function.native_snippet is not None or adjoint.custom_reverse_mode
-        return bool(written_by_hand or adjoint.used_by_backward_kernel or adjoint.force_adjoint_codegen)
+        try:
+            written_by_hand = function.native_snippet is not None or adjoint.custom_reverse_mode
+            return bool(written_by_hand or adjoint.used_by_backward_kernel or adjoint.force_adjoint_codegen)
+        except AttributeError:
+            # The same names of another version.
+            return True
 
-    def _codegen_functions(self: Any, functions: Any, device: str, **parts: bool) -> str:
+    def _codegen_functions(self: Any, functions: Any, *given: Any, **parts: Any) -> str:
         if parts.get("reverse_only"):
             functions = [function for function in functions if wanted(function)]
-        return str(write(self, functions, device, **parts))
+        return str(write(self, functions, *given, **parts))
 
     builder._codegen_functions = _codegen_functions
 

@@ -9,7 +9,7 @@ import numpy as np
 from ..device.checks import InputError
 from ..device.result_cache import ResultCache
 from .sheet import Shape
-from .triangulation import corner_sums, doubled_normals, voronoi_areas
+from .triangulation import corner_sums, doubled_normals, vector_sums, voronoi_areas
 
 # How far four points may be from a rectangle, over its diagonal.
 SKEW = 1e-6
@@ -132,8 +132,7 @@ def pressed_areas(places: np.ndarray, cells: np.ndarray, weights: np.ndarray) ->
     """Force on points at places [m], (N, 3), with `pressed_weights`, (N,), over the pressure: [m^2], (N, 3)."""
     faces, share = pressed_faces(cells)
     normals = share[:, None] * doubled_normals(places, faces)
-    sums = [corner_sums(np.repeat(normals[:, c, None], 3, axis=1), faces, len(places)) for c in range(3)]
-    return np.asarray(weights[:, None] * np.column_stack(sums))
+    return np.asarray(weights[:, None] * vector_sums(normals, faces, len(places)))
 
 
 def pressure_matrix(places: np.ndarray, cells: np.ndarray, pressures: np.ndarray) -> Any:

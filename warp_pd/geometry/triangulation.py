@@ -197,6 +197,11 @@ def corner_sums(values: np.ndarray, triangles: np.ndarray, points: int) -> np.nd
     return np.bincount(triangles.T.ravel(), values.T.ravel(), points)
 
 
+def vector_sums(vectors: np.ndarray, triangles: np.ndarray, points: int) -> np.ndarray:
+    """Sum of a vector of each triangle, shape (F, 3), over the triangles at every point, shape (N, 3)."""
+    return np.column_stack([corner_sums(np.repeat(each[:, None], 3, axis=1), triangles, points) for each in vectors.T])
+
+
 def numbers_of_ranges(first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Index of the range and number, for each number of the ranges from `first` to before `last`."""
     count = last - first

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 
 from ..device.checks import InputError, OutputError
-from ..geometry.triangulation import corner_sums, doubled_normals
+from ..geometry.triangulation import doubled_normals, vector_sums
 from ..interfaces.frame import Body
 from .vtkhdf import SeriesInfo, read_frames, read_outlines, read_series, same_arrays
 
@@ -50,8 +50,7 @@ def point_normals(
     A point without a face, or whose faces cancel, takes its `fallback`, shape (N, 3) or (3,).
     """
     # As long as twice the area: a plain sum is weighted with the area already.
-    products = np.repeat(doubled_normals(positions, faces)[:, None], 3, axis=1)
-    sums = np.stack([corner_sums(products[..., c], faces, len(positions)) for c in range(3)], axis=-1)
+    sums = vector_sums(doubled_normals(positions, faces), faces, len(positions))
     lengths = np.linalg.norm(sums, axis=1, keepdims=True)
     usable = lengths > 1e-12 * max(lengths.max(), np.finfo(np.float64).tiny)
     return np.where(usable, sums / np.where(usable, lengths, 1.0), fallback)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..device.clock import Schedule
-from ..geometry.triangulation import boundary_edges, doubled_normals
+from ..geometry.triangulation import boundary_edges, doubled_normals, vector_sums
 from ..interfaces import DivergedError, UnbalancedError
 from ..interfaces.frame import Frame, Surface, format_time
 from ..interfaces.scales import HEAVIEST, LIGHTEST, Scales
@@ -299,8 +299,7 @@ def _neighbours(values: np.ndarray, faces: np.ndarray) -> np.ndarray:
 def _heights(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Height of each point under the mean of its neighbours along its normal, over their spacing [-], (N,)."""
     areas = doubled_normals(positions, faces)
-    each = np.repeat(areas, 3, axis=0)
-    normals = np.stack([np.bincount(faces.ravel(), each[:, c], minlength=len(positions)) for c in range(3)], axis=1)
+    normals = vector_sums(areas, faces, len(positions))
     size = np.linalg.norm(normals, axis=1)
     unit = normals / np.where(size > 0.0, size, 1.0)[:, None]
     around = np.bincount(faces.ravel(), np.repeat(np.linalg.norm(areas, axis=1), 3), minlength=len(positions))

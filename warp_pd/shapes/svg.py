@@ -134,16 +134,16 @@ def _document(where: str, document: Document) -> float:
     texts, box = document.size(), document.box()
     found = [re.fullmatch(r"([\d.]+(?:e[+-]?\d+)?)\s*([a-z]+)", text.lower()) for text in texts]
     lengths = [float(f[1]) * PHYSICAL[f[2]] for f in found if f is not None and f[2] in PHYSICAL]
-    said_size = f"{where}: width = {texts[0]!r}, height = {texts[1]!r}"
+    sizes = f"{where}: width = {texts[0]!r}, height = {texts[1]!r}"
     if len(lengths) < 2:
-        raise InputError(f"unit = 'document': {said_size}: expected lengths in {', '.join(PHYSICAL)}")
+        raise InputError(f"unit = 'document': {sizes}: expected lengths in {', '.join(PHYSICAL)}")
     if box is None:
         return PIXEL
     if not min(*lengths, *box[2:]) > 0.0:
-        raise InputError(f"unit = 'document': {said_size}: expected positive lengths, and a viewBox that has an extent")
+        raise InputError(f"unit = 'document': {sizes}: expected positive lengths, and a viewBox that has an extent")
     scales = lengths[0] / box[2], lengths[1] / box[3]
     if not math.isclose(*scales, rel_tol=1e-4):
-        raise InputError(f"unit = 'document': {said_size}: expected the ratio of the viewBox")
+        raise InputError(f"unit = 'document': {sizes}: expected the ratio of the viewBox")
     return float(scales[0])
 
 

@@ -332,10 +332,8 @@ class Document:
             return replace(place.moved(_shift(x, y)), size=(width, height))
         fit = _fit(width, height, box, element.get("preserveAspectRatio", ""))
         if fit is None:
-            said_fit = show(element.get("preserveAspectRatio"))
-            raise InputError(
-                f"{self.where}: {name}: preserveAspectRatio = {said_fit}: expected such as 'xMidYMid meet'"
-            )
+            given = show(element.get("preserveAspectRatio"))
+            raise InputError(f"{self.where}: {name}: preserveAspectRatio = {given}: expected such as 'xMidYMid meet'")
         return replace(place.moved(_shift(x, y) @ fit), size=(box[2], box[3]))
 
     def _copy(self, element: Any, style: dict[str, str], place: _Place) -> Iterator[Drawn]:

@@ -50,6 +50,9 @@ class Factoriser:
         from scipy.sparse import bsr_matrix
 
         free = self._free
+        if not free.any():
+            # SciPy refuses a matrix without rows.
+            return Factors(free, lambda b: b, lambda: 0)
         if added is not None:
             points = np.arange(len(added) + 1)
             matrix = matrix + bsr_matrix((added, points[:-1], points)).tocsr()[free][:, free].tocsc()

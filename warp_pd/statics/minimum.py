@@ -12,7 +12,7 @@ import numpy as np
 
 from ..device.fields import doubles
 from ..geometry.sheet import Sheet
-from ..geometry.triangulation import doubled_normals
+from ..geometry.triangulation import doubled_normals, vector_sums
 from .krylov import Map, dot, norm
 from .level import Level
 from .linear import LinearSolver
@@ -145,11 +145,9 @@ def across(sheet: Sheet, displacement: np.ndarray) -> np.ndarray:
     """A random motion across a sheet, (N, 3), in which thin sheets fall; all of it without triangles."""
     if not len(sheet.triangles):
         return random_motion(displacement.size).reshape(-1, 3)
-    normals = np.zeros(displacement.shape)
     of_triangles = doubled_normals(sheet.positions + displacement, sheet.triangles)
-    for corner in sheet.triangles.T:
-        np.add.at(normals, corner, of_triangles)
-    return random_motion(len(normals))[:, None] * normals
+    normals = vector_sums(of_triangles, sheet.triangles, len(displacement))
+    return np.asarray(random_motion(len(normals))[:, None] * normals)
 
 
 class SearchOfFall:

@@ -42,9 +42,9 @@ def stability(level: Level, solver: LinearSolver, number: int) -> Stability | No
     """
     factors = solver.factors
     negative = None if factors is None else factors.negative()
-    if factors is None or negative is None:
-        return None
     free = np.flatnonzero(~level.held.ravel())
+    if factors is None or negative is None or not len(free):
+        return None
 
     def whole(x: np.ndarray) -> np.ndarray:
         vector = np.zeros(3 * level.points)
@@ -64,7 +64,7 @@ def stability(level: Level, solver: LinearSolver, number: int) -> Stability | No
         return (
             None if inverse is None else Stability(negative, [1.0 / float(inverse[0][0])], whole(inverse[1][:, 0].real))
         )
-    found = _lowest(solved_product, len(free), min(number, len(free) - 2))
+    found = _lowest(solved_product, len(free), max(1, min(number, len(free) - 2)))
     if found is None:
         return None
     values, mode = found
@@ -109,6 +109,13 @@ def extreme(
     """Real parts of the largest ("LM") or lowest ("SR") eigenvalues, in order, and their vectors, one a column."""
     from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs
 
+    if size < number + 2:
+        # Fewer than ARPACK takes.
+        values, vectors = np.linalg.eig(np.column_stack([product(unit) for unit in np.eye(size)]))
+        chosen = np.argsort(values.real if which == "SR" else -np.abs(values))[:number]
+        values, vectors = values[chosen], vectors[:, chosen]
+        order = np.argsort(values.real)
+        return values.real[order], vectors[:, order]
     operator = LinearOperator((size, size), matvec=product, dtype=np.float64)
     start = np.random.default_rng(0).normal(size=size)
     krylov = min(size, 2 * number + FURTHER)
