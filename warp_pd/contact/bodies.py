@@ -131,7 +131,6 @@ class BuiltBody(BuiltContact):
         self._held_push: HeldPush | None = None
         if partly_held(context.held) and not context.at_rest:
             self._held_push = HeldPush(name, self.label, context, self.impulse)
-        self._elapsed = 0.0
 
     def _check_apart(self) -> None:
         """Check that the body does not touch the sheet at the start."""
@@ -215,7 +214,6 @@ class BuiltBody(BuiltContact):
 
     def _row(self, totals: Mapping[str, float], elapsed: float) -> dict[str, float]:
         """Mean force [N] and torque about the centre [N m] since the last frame; position and motion of the body."""
-        self._elapsed = elapsed
         row = self._mean_forces({}, totals, elapsed) | self.motion.columns()
         return row | {name: totals[name] for name in self._losses()}
 
@@ -235,7 +233,7 @@ class BuiltBody(BuiltContact):
     def end_frame(self) -> None:
         """Set the sums of a frame to zero."""
         if self._held_push is not None:
-            self._held_push.end_frame(self._elapsed)
+            self._held_push.end_frame()
         for array in (self.impulse, self.turn):
             if array is not None:
                 array.zero_()

@@ -19,24 +19,32 @@ class HeldPush:
 
     def __init__(self, name: str, label: str, context: Context, impulse: Array | None) -> None:
         """`impulse` is that of the body on each point since the last frame [N s], None for a free body."""
-        self.label, self.context = label, context
+        self.label, self.context, self._impulse = label, context, impulse
         held = np.where(ignoring(context.held), 0, context.held & HELD)
         self._points = np.flatnonzero(held)
         self._held = (held[self._points, None] >> np.arange(3)) & 1
-        # The root process has not the impulses of the others.
-        self._impulse = impulse if context.partition is None else None
         self._largest: Array | None = None
-        if self._impulse is not None:
-            self._largest = context.array(
-                f"{name}_held_push", name, wp.float64, shape=len(self._points), per="table", restart=True
-            )
+        if impulse is not None:
+            n = context.sheet.size
+            self._largest = context.array(f"{name}_held_push", name, wp.float64, shape=n, restart=True)
+            # Time of the last frame [s]: processes but the root do not know it otherwise.
+            self._last = context.array(f"{name}_last_frame", name, wp.float64, shape=1, per="once", restart=True)
 
-    def end_frame(self, elapsed: float) -> None:
-        """Look at the impulses of the `elapsed` seconds [s] since the last frame."""
-        if self._impulse is None or self._largest is None or elapsed <= 0.0:
+    def end_frame(self) -> None:
+        """Look at the impulses since the last frame."""
+        time = self.context.clock.time
+        if self._impulse is None or self._largest is None or time is None:
             return
-        push = np.linalg.norm(self._held * self._impulse.numpy()[self._points].astype(np.float64), axis=1) / elapsed
-        self._largest.assign(np.maximum(self._largest.numpy(), push))
+        now = time.numpy()
+        elapsed = float(now[0] - self._last.numpy()[0])
+        self._last.assign(now)
+        if elapsed > 0.0:
+            impulse = self._impulse.numpy()[self._points].astype(np.float64)
+            largest = self._largest.numpy()
+            largest[self._points] = np.maximum(
+                largest[self._points], np.linalg.norm(self._held * impulse, axis=1) / elapsed
+            )
+            self._largest.assign(largest)
 
     def notes(self) -> list[str]:
         """A note if a `Reaction` or a measure gives the force of supports on points that the body may have pushed."""
@@ -50,7 +58,8 @@ class HeldPush:
 
     def _pushed(self, points: np.ndarray) -> str:
         """How much it pushed these points, in words; "" if it did not."""
-        if self._largest is None:
+        # The root process has not the numbers of the others at the end of a run.
+        if self._largest is None or self.context.partition is not None:
             return "may have pushed points"
-        total = float(self._largest.numpy()[np.isin(self._points, points)].sum())
+        total = float(self._largest.numpy()[points].sum())
         return f"pushed points with up to {total:.3g} N" if total > 0.0 else ""
